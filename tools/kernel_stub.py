@@ -14,6 +14,7 @@ from armwright.kernels.kernel_methods import KernelMethods
 from armwright.kernels.signatures import PARAMETERS, SIGNATURES, Signature
 
 PATH = Path(__file__).resolve().parents[1] / "src" / "armwright" / "kernels" / "kernel_methods.pyi"
+WIDTH = 120  # of a line, as the formatter has it
 
 HEAD = '''\
 # Made by tools/kernel_stub.py from the table in signatures.py; do not edit.
@@ -64,7 +65,9 @@ def method(signature: Signature) -> str:
         *(f"{name}: str | None = None" for name in signature.options),
         f"out: {result} | None = None",
     ]
-    lines = [f"    def {signature.name}(", *(f"        {each}," for each in arguments), f"    ) -> {result}:"]
+    in_one = f"        {', '.join(arguments)}"
+    rows = [in_one] if len(in_one) <= WIDTH else [f"        {each}," for each in arguments]
+    lines = [f"    def {signature.name}(", *rows, f"    ) -> {result}:"]
     text = getattr(KernelMethods, signature.name).__doc__
     first, *others = text.replace("\\", "\\\\").split("\n")
     lines.append(f'        """{first}')

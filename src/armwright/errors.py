@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -273,6 +273,18 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, run: Any = None, found: Any = None):
         super().__init__(message)
         self.run, self.found = run, found
+
+
+def check_known(
+    error: Callable[..., Exception], value: Any, choices: Collection[str], what: str = "", **about: Any
+) -> None:
+    """Refuses a value that is none of the choices.
+
+    Args:
+        error: class of the error.   about: `place`, `expected` and `file` of its problem.
+    """
+    if not isinstance(value, str) or value not in choices:
+        raise error(what, value=value, choices=choices, **about)
 
 
 def keys_to_fill_in(problems: Sequence[Problem]) -> tuple[list[str], list[Problem]]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ExpressionError, shown
+from armwright.errors import ExpressionError, check_known, shown
 from armwright.scalar import Scalar
 
 NAMES: dict[str, float] = {"pi": pi, "deg": pi / 180.0}
@@ -115,8 +115,7 @@ def _check(node: ast.expr, typed: str, names: set[str]) -> None:
         _check(node.left, typed, names)
         _check(node.right, typed, names)
     elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-        if node.func.id not in FUNCTIONS:
-            raise ExpressionError(f"unknown function {here}", value=node.func.id, choices=FUNCTIONS)
+        check_known(ExpressionError, node.func.id, FUNCTIONS, f"unknown function {here}")
         count, _ = FUNCTIONS[node.func.id]
         if len(node.args) != count:
             expected = f"{count} value{'s' * (count > 1)} for {node.func.id}, not {len(node.args)}"

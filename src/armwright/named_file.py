@@ -12,12 +12,7 @@ PERMITS = "permits another folder (in Python allow=[FOLDER])"
 
 
 def named_file(
-    name: str,
-    folder: Path,
-    allow: Iterable[str | os.PathLike[str]] = (),
-    *,
-    place: str,
-    error: type[ArmwrightError],
+    name: str, folder: Path, allow: Iterable[str | os.PathLike[str]] = (), *, place: str, error: type[ArmwrightError]
 ) -> Path:
     """The path of the plain file that `name` means; nothing is opened.
 

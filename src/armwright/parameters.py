@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -129,8 +129,7 @@ class Draw:
     high: float = np.inf
 
     def __post_init__(self) -> None:
-        if not isinstance(self.kind, str) or self.kind not in ("record", *EXPECTED):
-            raise ScenarioError("unknown", place="Draw.kind", value=self.kind, choices=("record", *EXPECTED))
+        check_known(ScenarioError, self.kind, ("record", *EXPECTED), "unknown", place="Draw.kind")
         if self.kind == "record":
             return
         centre, spread, low, high = (self._numbers(name) for name in ("centre", "spread", "low", "high"))
@@ -160,10 +159,7 @@ class Draw:
     def _numbers(self, name: str) -> np.ndarray:
         """A field as numbers; a bound is one number."""
         value = getattr(self, name)
-        try:
-            numbers = scalar.real_numbers(value)
-        except ValueError:
-            numbers = np.full((), np.nan)
+        numbers = scalar.numbers_or_nan(value)
         if np.isnan(numbers).any() or (name in ("low", "high") and numbers.ndim):
             raise ScenarioError(place=f"Draw.{name}", value=value, expected="a number" if numbers.ndim else "numbers")
         return numbers

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError, ShapeError, nearest
+from armwright.errors import ScenarioError, ShapeError, check_known, nearest
 from armwright.printable import is_seen
 from armwright.scalar import Array
 
@@ -215,6 +215,5 @@ class Layout:
         return scalar.array(np.concatenate(rows)) if rows else np.zeros(0)
 
     def _known(self, name: str) -> str:
-        if name not in self._places:
-            raise ShapeError("no such signal", place="signal", value=name, choices=self._places)
+        check_known(ShapeError, name, self._places, "no such signal", place="signal")
         return name

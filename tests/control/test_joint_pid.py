@@ -11,6 +11,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.trajectory import Step
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of
 
 PERIOD = 1e-3
@@ -165,3 +166,9 @@ def test_gains_may_be_a_batch():
 def test_gains_that_do_not_fit_are_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
         aw.Scenario(arm("cmu-dd"), duration=0.1, loop=aw.Loop(controller=JointPID(**fields), period=PERIOD))
+
+
+def test_a_model_of_other_joints_is_refused():
+    law = JointPID(kp=1.0, model=arm("two-link"))
+    with raises_at(ScenarioError, "JointPID.model", "2 joints.* 6 of cmu-dd: joint1"):
+        aw.Scenario(arm("cmu-dd"), duration=0.1, loop=aw.Loop(controller=law, period=PERIOD))

@@ -20,7 +20,7 @@ from armwright.cli.arguments import (
 )
 from armwright.cli.outcome import TOML, check_file, exit_unless, say_each
 from armwright.cli.tables import show
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.progress import progress
 
 CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
@@ -126,8 +126,7 @@ def _of_robot(
         expected = f"the sample period [s] of an arm's controller, or FILE{SCENARIO}"
         raise ScenarioError("missing", place="--period", expected=expected)
     kind = controller or CONTROLLERS[0]
-    if kind not in CONTROLLERS:
-        raise ScenarioError("unknown", place="--controller", value=kind, choices=CONTROLLERS)
+    check_known(ScenarioError, kind, CONTROLLERS, "unknown", place="--controller")
     ones: dict[str, Any] = {  # an integral above 0 asks for one
         "cascade": lambda: aw.Cascade(1.0, 1.0, speed_ki=1.0, speed_feedforward=1.0),
         "joint_pid": lambda: aw.JointPID(1.0, ki=1.0, kd=1.0),

@@ -8,7 +8,7 @@ import armwright as aw
 from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, robot_argument, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.progress import progress
 
 HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
@@ -74,6 +74,5 @@ def _warming(text: str, runs: list[str]) -> dict[str, float] | None:
     """Kelvin by run of "cold=0,warm=25"; None of an empty text."""
     found = named_numbers("--warming", words(text), "RUN=K with K a number [K]", IdentificationError)
     for run in found:
-        if run not in runs:
-            raise IdentificationError("no such run", place="--warming", value=run, choices=runs)
+        check_known(IdentificationError, run, runs, "no such run", place="--warming")
     return found or None

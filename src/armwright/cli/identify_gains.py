@@ -9,8 +9,8 @@ from armwright.cli.arguments import argument, flag, numbers, option, output_opti
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
-from armwright.model.tree import TENSOR
 from armwright.progress import progress
+from armwright.spatial import TENSOR
 
 
 def gains(
@@ -53,7 +53,7 @@ def gains(
     tensor = None
     if moments is not None:
         tensor = np.zeros((3, 3))
-        for (i, j), value in zip(TENSOR, moments, strict=True):
+        for (i, j), value in zip(TENSOR.values(), moments, strict=True):
             tensor[i, j] = tensor[j, i] = value
     arm = aw.load(robot, kinematics_only=kinematics_only)
     logs = [aw.identification.read_log(each) for each in (file, loaded)]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import armwright as aw
 from armwright.cli.arguments import argument
+from armwright.errors import check_known
 
 if TYPE_CHECKING:
     from armwright.cli.tables import Table
@@ -29,8 +30,7 @@ def servos(
     if name is None:
         console.print(_overview(known))
         return
-    if name not in known:
-        raise DescriptionError("no such servo", place="servo", value=name, choices=known)
+    check_known(DescriptionError, name, known, "no such servo", place="servo")
     servo = known[name]
     console.print(f"{name}: {servo.title}", style="bold")
     console.print(servo.notes)

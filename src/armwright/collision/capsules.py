@@ -11,7 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.description.robot import Link
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import DescriptionError, ModelError, RunError
+from armwright.errors import DescriptionError, ModelError, RunError, check_known
 from armwright.model import BASE, Model
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Prism
@@ -61,8 +61,7 @@ def link_capsules(arm: AnyArm, radius: float | Mapping[str, float] | None = None
     arm = as_arm(arm)
     links = {link.name: link for link in arm.description.links} if arm.description is not None else {}
     for name in radius if isinstance(radius, Mapping) else ():
-        if name not in links:
-            raise ModelError(place="radius", value=name, expected="a link", choices=tuple(links))
+        check_known(ModelError, name, links, place="radius", expected="a link")
     capsules: list[Capsule] = []
     for body in (BASE, *range(len(arm.bodies))):
         label = arm.bodies[body].link if body != BASE else base_link(arm)

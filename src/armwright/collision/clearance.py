@@ -15,7 +15,7 @@ from armwright.collision.capsules import Capsule, base_link, link_capsules
 from armwright.collision.distance import segment_to_segment
 from armwright.collision.obstacles import Obstacle
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ModelError, ScenarioError
+from armwright.errors import ModelError, ScenarioError, check_known
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.kinematics.reach import reach
 from armwright.model import BASE, Model
@@ -186,8 +186,7 @@ def clearance(
     for pair in ignore:
         pair = tuple(label[BASE] if name == "base" else name for name in pair)  # whatever the record calls it
         for name in pair:
-            if name not in label.values():
-                raise ModelError(place="ignore", value=name, expected="a link", choices=tuple(label.values()))
+            check_known(ModelError, name, label.values(), place="ignore", expected="a link")
         ignored.add(frozenset(pair))
     alone = Clearance(arm, capsules, (), ignored)
     if alone.pairs:

@@ -10,9 +10,8 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import with_goals
 from armwright.control.commands import torque_commands
-from armwright.control.gains import check_model, per_joint
+from armwright.control.gains import check_model, model_for, per_joint
 from armwright.dynamics import inverse_dynamics
-from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
@@ -57,10 +56,7 @@ class ComputedTorque:
         Raises:
             ScenarioError: a gain of the wrong length, or one below 0; names it and the joints. A model of other joints.
         """
-        model = self.model or arm
-        if model.n != arm.n:
-            expected = f"the {arm.n} of {arm.name}: {', '.join(arm.names)}"
-            raise ScenarioError(f"the model has {model.n} joints", place="ComputedTorque.model", expected=expected)
+        model = model_for("ComputedTorque", self.model, arm)
         gains = {name: per_joint(arm, "ComputedTorque", name, getattr(self, name)) for name in ("kp", "kd", "ki")}
         return replace(self, **gains, model=model, period=period)
 

@@ -10,7 +10,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.friction import link_friction
 from armwright.control.commands import torque_commands
-from armwright.control.gains import check_model
+from armwright.control.gains import check_model, model_for
 from armwright.control.wrapper import Wrapper
 from armwright.dynamics import holding_torques, inverse_dynamics, mass_matrix
 from armwright.dynamics.gears import motor_torques, without_rotors
@@ -69,10 +69,7 @@ class FeedForward(Wrapper):
         Raises:
             ScenarioError: a model of other joints.
         """
-        model = self.model or arm
-        if model.n != arm.n:
-            expected = f"the {arm.n} of {arm.name}: {', '.join(arm.names)}"
-            raise ScenarioError(f"the model has {model.n} joints", place="FeedForward.model", expected=expected)
+        model = model_for("FeedForward", self.model, arm)
         return replace(super().configure(arm, period), model=model)
 
     def memory(self, arm: Model, y: Measurement) -> Array:

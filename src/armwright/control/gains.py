@@ -77,6 +77,18 @@ def check_model(law: str, model: Any) -> None:
         raise ScenarioError(place=f"{law}.model", value=model, expected="an arm, as aw.load(name) gives, or none")
 
 
+def model_for(law: str, model: Model | None, arm: Model) -> Model:
+    """The model that a controller of an arm reckons with: the arm itself without one.
+
+    Raises:
+        ScenarioError: a model of other joints.
+    """
+    if model is not None and model.n != arm.n:
+        expected = f"the {arm.n} of {arm.name}: {', '.join(arm.names)}"
+        raise ScenarioError(f"the model has {model.n} joints", place=f"{law}.model", expected=expected)
+    return model or arm
+
+
 def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> None:
     """Refuses a value that is not a whole number of at least `low`.
 

@@ -13,7 +13,7 @@ from armwright.actuators import with_goals
 from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.anti_windup import RULES, LimitedStage, shortfall
 from armwright.control.commands import command_signs, torque_commands
-from armwright.control.gains import check_delay_ticks, check_model, check_time, per_joint, positive_limit
+from armwright.control.gains import check_delay_ticks, check_model, check_time, model_for, per_joint, positive_limit
 from armwright.dynamics import holding_torques
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
@@ -57,11 +57,8 @@ class JointPID:
         array([ 0.5 , -0.49])
     """
 
-    gain_units: ClassVar[dict[str, str]] = {
-        "kp": "U/Q",
-        "ki": "U/(Q s)",
-        "kd": "U s/Q",
-    }  # U: the unit of the command, Q: rad or m
+    # U: the unit of the command, Q: rad or m
+    gain_units: ClassVar[dict[str, str]] = {"kp": "U/Q", "ki": "U/(Q s)", "kd": "U s/Q"}
     kp: Numbers
     ki: Numbers = ZERO
     kd: Numbers = ZERO
@@ -95,12 +92,13 @@ class JointPID:
         Args:
             arm: the model.   period: [s].
         Raises:
-            ScenarioError: a gain of the wrong length, or one below 0; names it and the joints.
+            ScenarioError: a gain of the wrong length, or one below 0; names it and the joints. A model of other joints.
         """
+        model = model_for("JointPID", self.model, arm)
         gains = {name: per_joint(arm, "JointPID", name, getattr(self, name)) for name in GAINS}
         limit = positive_limit(arm, "JointPID", "limit", self.limit)
         ticks = self.delay_ticks or 0  # the loop has filled them in
-        return replace(self, **gains, limit=limit, model=self.model or arm, delay_ticks=ticks, period=period)
+        return replace(self, **gains, limit=limit, model=model, delay_ticks=ticks, period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
         """Initial state: integrator 0, and the commands that were in force."""

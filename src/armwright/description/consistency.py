@@ -181,14 +181,14 @@ def _cylinders(robot: Any) -> Iterator[Problem]:
             yield from _unknown(
                 f"{place} {key}", getattr(cylinder, key), [*(link.name for link in robot.links), robot.base]
             )
-        if carrier(robot, cylinder.link_a) == carrier(robot, cylinder.link_b):
+        if carrier(robot.joints, cylinder.link_a) == carrier(robot.joints, cylinder.link_b):
             what = f"does not move with respect to {cylinder.link_a!r}"
             yield Problem(what, place=f"{place} link_b", value=cylinder.link_b, expected="a link that does")
 
 
-def carrier(robot: Any, link: str) -> str:
+def carrier(joints: Iterable[Any], link: str) -> str:
     """The link nearest to the base that moves as one body with a link, or the base."""
-    fixed = {joint.child: joint.parent for joint in robot.joints if not joint.kind.moves}
+    fixed = {joint.child: joint.parent for joint in joints if not joint.kind.moves}
     while link in fixed:
         link = fixed[link]
     return link

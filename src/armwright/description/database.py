@@ -10,10 +10,10 @@ from typing import Any
 
 from armwright.description.consistency import robot_problems
 from armwright.description.readable import readable_robot
-from armwright.description.robot import RobotDescription
+from armwright.description.robot import MASSLESS, RobotDescription
 from armwright.description.todo import todo_problems
 from armwright.description.toml_file import toml_tables
-from armwright.errors import UNKNOWN_KEY, DescriptionError
+from armwright.errors import UNKNOWN_KEY, DescriptionError, check_known
 from armwright.validation import validated
 
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
@@ -54,8 +54,7 @@ def read_description(
     robot = _read(name_or_path, reading)
     if tip is not None:
         names = [robot.base, *(each.name for each in (*robot.links, *robot.frames))]
-        if tip not in names:
-            raise DescriptionError("no frame or link", place="tip", value=tip, choices=names, file=name_or_path)
+        check_known(DescriptionError, tip, names, "no frame or link", place="tip", file=name_or_path)
         return robot.model_copy(update={"tip": tip})
     end = robot.end_of_chain if robot.tip is None and Path(name_or_path).suffix.lower() in XML_ENDINGS else None
     if end is None:
@@ -143,13 +142,6 @@ def _with_servos(document: dict[str, Any], place: Any) -> dict[str, Any]:
     return document
 
 
-MASS_PROPERTIES = {
-    "mass_kg": 0.0,
-    "com_m": [0.0, 0.0, 0.0],
-    "inertia_kg_m2": dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0),
-}
-
-
 def _without_masses(document: dict[str, Any]) -> None:
     """Gives links that state no mass property, or have no table, none at all: 0, with a remark."""
     joints, links = document.get("joints"), document.setdefault("links", [])
@@ -160,9 +152,9 @@ def _without_masses(document: dict[str, Any]) -> None:
     children = [joint.get("child") for joint in joints if isinstance(joint, dict)]
     missing = [{"name": name} for name in children if isinstance(name, str) and name not in known]
     links += missing
-    bare = [link for link in (*tables, *missing) if not MASS_PROPERTIES.keys() & link.keys()]
+    bare = [link for link in (*tables, *missing) if not MASSLESS.keys() & link.keys()]
     for link in bare:
-        link.update(MASS_PROPERTIES)
+        link.update(MASSLESS)
     if bare:
         names = ", ".join(repr(link.get("name")) for link in bare)
         text = f"links {names}: no mass properties are known: kinematics only, dynamics are refused"

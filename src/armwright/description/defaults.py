@@ -58,8 +58,6 @@ def with_defaults(document: Mapping[str, Any], file: Any) -> dict[str, Any]:
             N m for a joint that slides, or in N for one that turns, and that has none of its own.
     """
     document = dict(document)
-    if "defaults" not in document:
-        return document
     missing = todo_problems(document)
     if any(each.place.startswith("defaults.") for each in missing):
         raise DescriptionError.of(*(each.within(file=file) for each in missing))

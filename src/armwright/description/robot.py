@@ -10,17 +10,10 @@ import numpy as np
 from pydantic import Discriminator, Field, PrivateAttr, Tag, create_model, model_validator
 
 from armwright.description.consistency import check_robot
-from armwright.description.drive import (
-    Command,
-    LinearFriction,
-    LinearLimits,
-    Motor,
-    RotaryFriction,
-    RotaryLimits,
-)
+from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.paths import quantities
 from armwright.description.twins import twin_of
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.joint_kinds import KINDS, LINEAR, ROTARY, JointKind, JointUnits, moving_kinds
 from armwright.lazy_schema import imported_later
 from armwright.quantity import (
@@ -35,6 +28,7 @@ from armwright.quantity import (
     Vector3,
     optional,
 )
+from armwright.spatial import TENSOR
 from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
@@ -275,6 +269,9 @@ class Link(Record):
     visuals: tuple[Visual, ...] = Field(default=(), description="What it looks like; the dynamics do not read it.")
 
 
+MASSLESS: Any = {"mass_kg": 0.0, "com_m": (0.0, 0.0, 0.0), "inertia_kg_m2": dict.fromkeys(TENSOR, 0.0)}  # of a link
+
+
 class NamedFrame(Record):
     """A frame of interest, such as the tool: fixed in a link."""
 
@@ -309,8 +306,7 @@ class RobotDescription(Record):
         default=(), description="What was left out or doubtful when read from another format; reported on loading."
     )
     without_masses: tuple[FileName, ...] = Field(
-        default=(),
-        description="Links whose mass properties are not known and stand as 0: dynamics are refused.",
+        default=(), description="Links whose mass properties are not known and stand as 0: dynamics are refused."
     )
     joints: tuple[Joint, ...] = Field(
         description="One table a joint, in the order of q, in which those that mimic others have no entry."
@@ -377,8 +373,7 @@ class RobotDescription(Record):
             DescriptionError: there is no number at that path.
         """
         known = {where: source for where, _, source in quantities(self)}
-        if path not in known:
-            raise DescriptionError("no number has this path", place="path", value=path, choices=known, file=self.name)
+        check_known(DescriptionError, path, known, "no number has this path", place="path", file=self.name)
         return self.source_of(known[path] or "")
 
     def source_of(self, key: str) -> Source:

@@ -21,7 +21,7 @@ from armwright.description.drive import Command, RotaryFriction, RotaryLimits
 from armwright.description.firmware import FirmwareRecord
 from armwright.description.paths import path_name
 from armwright.description.toml_file import read_record
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.quantity import NotNegative, NotZero, Positive, Quantity, Record, Source, optional
 from armwright.validation import Invalid
 
@@ -162,8 +162,7 @@ def with_servos(document: dict[str, Any], file: Any) -> dict[str, Any]:
 
 def _servo_of(joint: dict[str, Any], place: str, file: Any) -> Servo:
     known, name, kind = servos(), joint["servo"], joint.get("type", "revolute")
-    if not isinstance(name, str) or name not in known:
-        raise DescriptionError("no such servo", place=place, value=name, choices=known, file=file)
+    check_known(DescriptionError, name, known, "no such servo", place=place, file=file)
     if kind != "revolute":
         raise DescriptionError(
             f"on a joint of type {kind!r}", place=place, value=name, expected='"revolute"', file=file

@@ -27,9 +27,8 @@ from armwright.scalar import Array, Scalar
 STEEP = 1e9  # of what inertia asks for: a joint that sticks would give way by that part of what the load would move it
 # Of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs.
 HELD, HELD_TOGETHER = 1e20, 1e8
-MOST = (
-    24  # solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
-)
+# solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
+MOST = 24
 NEVER = 1e30  # [rad/s | m/s] of a jump that is not reached
 MULTIPLIERS = 3
 REST = 1e-14  # of the speeds in a sum of speeds: rounding of one that sticks
@@ -85,9 +84,7 @@ class Side:
 
     def lines(self, inertia: Scalar, speed: Scalar, h: Scalar) -> tuple[list[Scalar], list[tuple[Scalar, Scalar]]]:
         """Knots of y in t = -s⁺, and slopes and offsets of its lines, for a rotor that had `speed` h seconds before."""
-        if self.loss is None:
-            return [], [(0.0, self.standing)]
-        if not scalar.is_symbolic(inertia) and inertia == 0.0:
+        if self.loss is None or (not scalar.is_symbolic(inertia) and inertia == 0.0):
             return [], [(0.0, self.standing)]
         rate = inertia / h
         standing = self.entering + rate * speed

@@ -16,7 +16,7 @@ import numpy as np
 from armwright.description.record_of import record_of
 from armwright.description.robot import RobotDescription
 from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
-from armwright.errors import ModelError, ScheduleError
+from armwright.errors import ModelError, ScheduleError, check_known
 from armwright.export.mjcf import MujocoActuators, mjcf_text, write_mjcf
 from armwright.export.servo_actuators import DELAYS, FITTED, KINDS, ServoActuator, servo_actuators, spreads, whole_steps
 from armwright.model import build_model
@@ -219,8 +219,7 @@ def fit_actuators(arm: AnyArm, motion: AnyMotion, kind: str = "position", *, pro
         >>> float(np.abs(fit.after - fit.simulated).max()) < 1e-3  # rad
         True
     """
-    if kind not in KINDS:
-        raise ModelError(place="kind", value=kind, choices=KINDS)
+    check_known(ModelError, kind, KINDS, place="kind")
     robot = record_of(as_arm(arm))
     model = build_model(robot)
     path, start = as_motion(motion, model), servo_actuators(robot)

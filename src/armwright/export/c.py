@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from armwright.errors import ModelError, OutputError
+from armwright.errors import ModelError, OutputError, check_known
 from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_function import WRITTEN, c_functions, parse_form
 from armwright.export.c_header import comment, export_name, header, prototype
@@ -54,8 +54,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
     Raises:
         ModelError: as `write_c`.
     """
-    if real not in REALS:
-        raise ModelError(place="real", value=real, choices=REALS)
+    check_known(ModelError, real, REALS, place="real")
     if not functions:
         raise ModelError("none is named", place="functions", expected=f"{WRITTEN}, NAME one of {', '.join(SIGNATURES)}")
     name = export_name(arm.name)

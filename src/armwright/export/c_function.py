@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.kernels.c_syntax import identifier
 from armwright.kernels.signatures import SIGNATURES, Operand, Signature, trace_kernel
 from armwright.model import Model
@@ -84,8 +84,7 @@ def parse_form(text: str) -> Form:
     """
     head, *fixed = re.split(r":(?=\w*(?:=|$))", text)  # a value may have a colon in it
     name, *inputs = head.split("+")
-    if name not in SIGNATURES:
-        raise ModelError(place="function", value=name, choices=SIGNATURES)
+    check_known(ModelError, name, SIGNATURES, place="function")
     signature = SIGNATURES[name]
     _check(text, "optional input", inputs, [argument.name for argument in signature.optional])
     pairs = [option.partition("=") for option in fixed]
@@ -103,8 +102,7 @@ def parse_form(text: str) -> Form:
 
 def _check(text: str, kind: str, names: Sequence[str], known: Sequence[str]) -> None:
     for k, name in enumerate(names):
-        if name not in known:
-            raise ModelError(place=f"{text}: {kind}", value=name, choices=known)
+        check_known(ModelError, name, known, place=f"{text}: {kind}")
         if name in names[:k]:
             raise ModelError("named twice", place=f"{text}: {kind}", value=name)
 

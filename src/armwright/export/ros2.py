@@ -27,7 +27,7 @@ import numpy as np
 from armwright.description.drive_file import ENDING
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import MovingJoint, RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.export.c import files_to_write, folder_to_write
 from armwright.export.controller.recording import record
 from armwright.export.controller.sil import SoftwareInTheLoop
@@ -137,8 +137,7 @@ def export_ros2(
 
 def _description(source: Arm | RobotDescription, folder: Path, command: str, rate: int, hardware: str) -> Ros2Export:
     """An arm's files."""
-    if command not in COMMANDS:
-        raise ModelError(place="command", value=command, choices=COMMANDS)
+    check_known(ModelError, command, COMMANDS, place="command")
     if isinstance(rate, bool) or not isinstance(rate, int) or rate < 1:
         raise ModelError(place="rate", value=rate, expected="a whole number of 1 Hz or more")
     robot, moving = _moving(source)

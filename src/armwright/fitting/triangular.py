@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 ROWS = 256  # of a block: it stays in the processor's cache
-# at once: with more, LAPACK's products are large enough for threads, which cost more here than they bring
+# At once: with more, LAPACK's products are large enough for threads, which cost more here than they bring.
 REFLECTIONS = 8
 
 (_tpqrt,) = get_lapack_funcs(("tpqrt",), dtype=np.float64)

@@ -23,7 +23,7 @@ from armwright.description.robot import Link, NamedFrame, RobotDescription, Sour
 from armwright.description.toml_file import read_text
 from armwright.description.writer import for_folder, to_toml
 from armwright.entry import expect
-from armwright.errors import DescriptionError, IdentificationError, ModelError, OutputError
+from armwright.errors import DescriptionError, IdentificationError, ModelError, OutputError, check_known
 from armwright.lint.feasibility import body_problems
 from armwright.output import check_destination, whole_file
 from armwright.results.result import Result
@@ -116,8 +116,7 @@ class Estimate(Result):
         Raises:
             ModelError: no such name.
         """
-        if name not in self.names:
-            raise ModelError("not estimated", place="name", value=name, choices=self.names)
+        check_known(ModelError, name, self.names, "not estimated", place="name")
         return self.names.index(name)
 
     def interval(self, name: str) -> tuple[float, float]:

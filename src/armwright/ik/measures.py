@@ -59,13 +59,7 @@ class Manipulability(Result):
 
 
 def manipulability(
-    arm: AnyArm,
-    q: Any,
-    *,
-    frame: str | None = None,
-    aim: str = "pose",
-    length: float = 1.0,
-    threads: int = 1,
+    arm: AnyArm, q: Any, *, frame: str | None = None, aim: str = "pose", length: float = 1.0, threads: int = 1
 ) -> Manipulability:
     """Yoshikawa's manipulability, condition number, distance to singularity and distance to limits of joint positions.
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ModelError, ShapeError, check_known
 from armwright.features import Support
 from armwright.ik.closed_form.branches import ClosedForm
 from armwright.ik.closed_form.nearly import closed_form
@@ -101,8 +101,7 @@ def inverse_kinematics(
         raise ModelError(place="goal", value=wanted.best, expected="near, the joint positions to be nearest to")
     if solutions is not None and not _is_count(solutions, MOST_SOLUTIONS):
         raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
-    if method not in get_args(Method):
-        raise ModelError(place="method", value=method, choices=get_args(Method))
+    check_known(ModelError, method, get_args(Method), place="method")
     asked, whole = _Targets(poses, shape, part, starts, limit, wanted, threads), part.kind == "pose"
     closed = closed_form(arm, frame, starts is not None) if whole and method != "numeric" else None
     if closed is None and method == "closed-form":

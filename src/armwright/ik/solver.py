@@ -14,13 +14,12 @@ from armwright.ik.task_loop import TaskLoop
 from armwright.kernels.compiled import compile_arm
 from armwright.kernels.target import select_target
 from armwright.kinematics.aim import Aim
-from armwright.kinematics.reach import reach
+from armwright.kinematics.reach import turn_length
 from armwright.model import Model
 
 ATTEMPTS = 1000  # starts of one target, at most
 CHUNK = 8192  # targets of one call of native code
 MARGIN = 0.3  # of the tolerance: where a descent ends
-ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
 
 
 class PoseSolver:
@@ -91,7 +90,5 @@ def solver(
     model: Model, frame: str | None, aim: Aim, tolerance: float, near: bool, length: float | None = None
 ) -> PoseSolver:
     """The solver of an arm, kept for the next call; `length`: [m/rad] of angles, by default a third of the reach."""
-    if length is None:
-        most = float(reach(model, frame))
-        length = ANGLE_SHARE * most if np.isfinite(most) and most > 0.0 else 1.0
-    return PoseSolver(JointChain(model, frame, float(length), aim), tolerance, near)
+    radian = turn_length(model, frame) if length is None else float(length)
+    return PoseSolver(JointChain(model, frame, radian, aim), tolerance, near)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ModelError, ShapeError, check_known
 from armwright.ik.pose_defect import LARGEST, pose_defects
 from armwright.kinematics.aim import AXES, POSE, POSITION, VERTICAL, Aim
 from armwright.parameters import Batch
@@ -97,8 +97,7 @@ def pose_towards(position: Any, direction: Any, axis: str = "z") -> np.ndarray:
             raise ShapeError(f"shape {value.shape}", place=place, expected=expected)
         if not (np.abs(value) < LARGEST).all():
             raise ModelError("not finite", place=place, value=value.tolist(), expected="finite numbers")
-    if axis not in tuple(AXES):
-        raise ModelError(place="axis", value=axis, choices=tuple(AXES))
+    check_known(ModelError, axis, tuple(AXES), place="axis")
     length = np.linalg.norm(way, axis=-1, keepdims=True)
     if not (length > 0.0).all():
         raise ModelError(place="direction", value=way.tolist(), expected="a direction, not 0 0 0")

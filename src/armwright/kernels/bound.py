@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ShapeError
+from armwright.errors import ShapeError, check_known
 from armwright.kernels.batch import Kernel, is_writeable, refuse_shared, wrong_array
 
 
@@ -26,8 +26,7 @@ class Bound:
         program = kernel.program
         known = [port.name for port in (*program.inputs, *program.outputs)]
         for name in arrays:
-            if name not in known:
-                raise ShapeError(place=f"{program.name}: array", value=name, choices=known)
+            check_known(ShapeError, name, known, place=f"{program.name}: array")
         self.inputs, self.outputs = (
             {
                 port.name: _buffer(program.name, port.name, lead + port.shape, arrays.get(port.name), kernel.dtype)

@@ -279,12 +279,7 @@ class LoopText:
         touching, cut = [], []
         if stage.switching:
             touching = [self.call(stage.switching[0])]
-            cut = [
-                "if (active && l->error[0] <= 1.0) {",
-                *_indented(self._cut(stage, "s")),
-                "}",
-                "s = l->h[0];",
-            ]
+            cut = ["if (active && l->error[0] <= 1.0) {", *_indented(self._cut(stage, "s")), "}", "s = l->h[0];"]
         if stage.settle is not None:
             cut += self._run(stage.settle)
         return touching, cut

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ModelError, ShapeError, check_known
 from armwright.features import Support
 from armwright.kernels.format import DOUBLE, select_format
 from armwright.kernels.kernel_methods import KernelMethods, Real
@@ -169,8 +169,7 @@ class CompiledArm(KernelMethods[Real]):
 
             program = self._traced(name, optional, options)
             known = [port.name for port in program.inputs]
-            if by not in known:
-                raise ShapeError(place=f"{name}: input", value=by, choices=known)
+            check_known(ShapeError, by, known, place=f"{name}: input")
             with automatic(None, f"compiling {name} of {self.arm.name}"):
                 self._kernels[key] = self._compiled(name, derivative(program, by))
         return self._kernels[key]
@@ -189,8 +188,7 @@ class CompiledArm(KernelMethods[Real]):
         if isinstance(names, str) or not isinstance(names, Sequence):
             raise ModelError(place="warm", value=names, expected="a list of names of kernels")
         for name in names:
-            if not isinstance(name, str) or name not in SIGNATURES:
-                raise ShapeError(place="warm", value=name, choices=SIGNATURES)
+            check_known(ShapeError, name, SIGNATURES, place="warm")
         missing = [name for name in dict.fromkeys(names) if (name,) not in self._kernels]
         if not missing:
             return

@@ -8,6 +8,7 @@ may differ in the last place: for angles beyond 2^20 rad, in float 2^17, and the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from armwright.kernels.c import Unit
 from armwright.kernels.c_syntax import Dialect, identifier
@@ -24,15 +25,13 @@ CUDA = Dialect(
     nan="__longlong_as_double(0x7ff8000000000000LL)",
     guarded=False,
 )
-CUDA_FLOAT = Dialect(
-    SINGLE,
+CUDA_FLOAT = replace(
+    CUDA,
+    format=SINGLE,
     integer="unsigned int",
     literal="0x{:08x}U",
-    function="static __device__ ",
-    never_inlined="static __device__ __noinline__ ",
     infinity="__int_as_float(0x7f800000)",
     nan="__int_as_float(0x7fc00000)",
-    guarded=False,
 )
 DIALECTS = {dialect.format: dialect for dialect in (CUDA, CUDA_FLOAT)}
 

@@ -84,11 +84,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def mass_matrix(
-        self,
-        q: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, q: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """M(q), rotors' inertia Nᵀ J_m N included, of coupled motors too:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
 
@@ -133,11 +129,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def gravity_torques(
-        self,
-        q: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, q: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction and springs.
 
@@ -155,11 +147,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def spring_torques(
-        self,
-        q: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, q: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """Torques that hold the arm against its springs:  s(q) = ∂U/∂q,  U their energy; what the joints need beside g(q).
 
@@ -225,12 +213,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def motor_voltage(
-        self,
-        qd: ArrayLike,
-        tau: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, qd: ArrayLike, tau: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """Motor voltages for joint torques, eq. (11):  V = R tau / (n Kt) + n Ke q̇.
 
@@ -421,12 +404,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def regressor_drive(
-        self,
-        qd: ArrayLike,
-        qdd: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, qd: ArrayLike, qdd: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
 
@@ -445,12 +423,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def coriolis_matrix(
-        self,
-        q: ArrayLike,
-        qd: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, q: ArrayLike, qd: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """C(q, q̇) of Christoffel symbols:  C_ij = ½ Σ_k (∂M_ij/∂q_k + ∂M_ik/∂q_j - ∂M_jk/∂q_i) q̇_k.  [SicilianoEtAl2009]
 
@@ -495,11 +468,7 @@ class KernelMethods(Generic[Real]):
         """
 
     def centre_of_mass(
-        self,
-        q: ArrayLike,
-        parameters: ArrayLike | None = None,
-        *,
-        out: NDArray[Real] | None = None,
+        self, q: ArrayLike, parameters: ArrayLike | None = None, *, out: NDArray[Real] | None = None
     ) -> NDArray[Real]:
         """Centre of mass of all moving links:  p = Σ m p_c / Σ m.  [Featherstone2008]
 

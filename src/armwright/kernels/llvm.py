@@ -125,45 +125,39 @@ class LlvmModule:
         def copy(target: Value, source: Value, length: Value) -> None:
             m.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {target}, ptr {source}, i64 {length}, i1 false)")
 
-        m.branch(m.emit(f"icmp ne i64 {full}, 0"), "full", "tail")
-        m.begin("full")
-        outputs = [*sizes][split:]
-        written = bytes_ * sum(sizes[port] for port in outputs)
-        if w > 1 and written > bytes_ * NARROW:
-            usual = m.emit(f"icmp ult i64 %count, {STREAMED // written}")
-            for port in outputs:  # an array of odd bytes, which NumPy allows, reaches no aligned place
-                odd = m.emit(f"urem i64 {m.emit(f'ptrtoint ptr {port} to i64')}, {bytes_}")
-                usual = m.emit(f"or i1 {usual}, {m.emit(f'icmp ne i64 {odd}, 0')}")
-            m.branch(usual, "direct", "past")
-            m.begin("past")
-            with m.repeat("streams", full) as number:
-                places = rows(number)
-                compute([*places[:split], *pads[split:]])
-                for port, place, pad in zip(outputs, places[split:], pads[split:], strict=True):
-                    m.lines.append(f"  call void @{self._stream_function(sizes[port])}(ptr {place}, ptr {pad})")
-            m.lines.append("  fence seq_cst")  # such stores come in any order; other threads must see them all
-            m.jump("tail")
-            m.begin("direct")
-        with m.repeat("tiles", full) as number:
-            compute(rows(number))
-        m.jump("tail")
-        m.begin("tail")
-        m.branch(m.emit(f"icmp ne i64 {rest}, 0"), "pad", "done")
-        m.begin("pad")
-        last = rows(full)
-        lengths = [m.emit(f"mul i64 {rest}, {bytes_ * size}") for size in sizes.values()]
-        for k in range(split):
-            copy(pads[k], last[k], lengths[k])
-        with m.repeat("fill", m.emit(f"sub i64 {w}, {rest}")) as number:
-            row = m.emit(f"add i64 {rest}, {number}")
-            for pad, size in zip(pads[:split], sizes.values(), strict=False):
-                place = m.emit(f"getelementptr {real}, ptr {pad}, i64 {m.emit(f'mul i64 {row}, {size}')}")
-                copy(place, pad, str(bytes_ * size))
-        compute(pads)
-        for k in range(split, len(sizes)):
-            copy(last[k], pads[k], lengths[k])
-        m.jump("done")
-        m.begin("done")
+        with m.where(m.emit(f"icmp ne i64 {full}, 0"), "full", "tail"):
+            outputs = [*sizes][split:]
+            written = bytes_ * sum(sizes[port] for port in outputs)
+            if w > 1 and written > bytes_ * NARROW:
+                usual = m.emit(f"icmp ult i64 %count, {STREAMED // written}")
+                for port in outputs:  # an array of odd bytes, which NumPy allows, reaches no aligned place
+                    odd = m.emit(f"urem i64 {m.emit(f'ptrtoint ptr {port} to i64')}, {bytes_}")
+                    usual = m.emit(f"or i1 {usual}, {m.emit(f'icmp ne i64 {odd}, 0')}")
+                m.branch(usual, "direct", "past")
+                m.begin("past")
+                with m.repeat("streams", full) as number:
+                    places = rows(number)
+                    compute([*places[:split], *pads[split:]])
+                    for port, place, pad in zip(outputs, places[split:], pads[split:], strict=True):
+                        m.lines.append(f"  call void @{self._stream_function(sizes[port])}(ptr {place}, ptr {pad})")
+                m.lines.append("  fence seq_cst")  # such stores come in any order; other threads must see them all
+                m.jump("tail")
+                m.begin("direct")
+            with m.repeat("tiles", full) as number:
+                compute(rows(number))
+        with m.where(m.emit(f"icmp ne i64 {rest}, 0"), "pad", "done"):
+            last = rows(full)
+            lengths = [m.emit(f"mul i64 {rest}, {bytes_ * size}") for size in sizes.values()]
+            for k in range(split):
+                copy(pads[k], last[k], lengths[k])
+            with m.repeat("fill", m.emit(f"sub i64 {w}, {rest}")) as number:
+                row = m.emit(f"add i64 {rest}, {number}")
+                for pad, size in zip(pads[:split], sizes.values(), strict=False):
+                    place = m.emit(f"getelementptr {real}, ptr {pad}, i64 {m.emit(f'mul i64 {row}, {size}')}")
+                    copy(place, pad, str(bytes_ * size))
+            compute(pads)
+            for k in range(split, len(sizes)):
+                copy(last[k], pads[k], lengths[k])
         inputs = [f"ptr %in{k}, i64 %step{k}" for k in range(split)]
         parameters = ["i64 %count", *inputs, *(f"ptr {port}" for port in [*sizes][split:])]
         self._export(f"void @{program.name}.batch({', '.join(parameters)}) noinline", m, "void")

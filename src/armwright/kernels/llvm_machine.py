@@ -99,6 +99,15 @@ class LlvmMachine(Machine):
         self.lines.append(f"  br i1 {condition}, label %{then}, label %{otherwise}")
 
     @contextmanager
+    def where(self, condition: Value, then: str, behind: str) -> Iterator[None]:
+        """A body, begun at `then`, that runs where a condition of one bit is true; lines go on at `behind`."""
+        self.branch(condition, then, behind)
+        self.begin(then)
+        yield
+        self.jump(behind)
+        self.begin(behind)
+
+    @contextmanager
     def repeat(self, label: str, times: int | Value) -> Iterator[Value]:
         """A loop that begins at `label` and runs its body so often; gives the counter. Its lines go on at `label.done`."""
         counter, before = f"%{label}.count", self.block

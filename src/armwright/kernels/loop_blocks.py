@@ -50,6 +50,15 @@ class BlockPrinter:
     def _store(self, block: str, entry: int, value: Value) -> None:
         self.m.store(f'%"{block}.at"', entry, value)
 
+    def _set(self, where: Value, block: str, value: Value, entry: int = 0) -> None:
+        """Sets an entry of a block in the lanes where that is true."""
+        self._store(block, entry, self.m.select(where, value, self._load(block, entry)))
+
+    def _set_all(self, where: Value, block: str, source: str) -> None:
+        """A block's entries become those of another one in the lanes where that is true."""
+        for k in range(self.sizes[block]):
+            self._set(where, block, self._load(source, k), k)
+
     def _splat(self, value: Value) -> Value:
         return self.m.spread(value, "double", self.m.real)
 
@@ -60,16 +69,13 @@ class BlockPrinter:
         """Rows that are due now replace the block, where any lane has one in this tick."""
         m, block = self.m, rows.block
         due = m.any(m.eq(self._load(f"{block}.due_tick"), self._splat("%tick")))
-        m.branch(due, f"{label}.take", f"{label}.none")
-        m.begin(f"{label}.take")
-        name = f"advance.{rows.entries}"
-        self.module.functions[name] = _advance(name, self.w, rows.entries)
-        blocks = [f"{each}.at" for each in (SINCE, block, *(f"{block}.{part}" for part in CURSOR))]
-        pointers = [*blocks, *(f"{block}.rows.{part}" for part in ROWS)]
-        arguments = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
-        self._out(f'  call void @"{name}"(double %tick, {arguments})')
-        m.jump(f"{label}.none")
-        m.begin(f"{label}.none")
+        with m.where(due, f"{label}.take", f"{label}.none"):
+            name = f"advance.{rows.entries}"
+            self.module.functions[name] = _advance(name, self.w, rows.entries)
+            blocks = [f"{each}.at" for each in (SINCE, block, *(f"{block}.{part}" for part in CURSOR))]
+            pointers = [*blocks, *(f"{block}.rows.{part}" for part in ROWS)]
+            arguments = ", ".join(f'ptr %"{pointer}"' for pointer in pointers)
+            self._out(f'  call void @"{name}"(double %tick, {arguments})')
 
 
 def at_lane(**blocks: str) -> str:

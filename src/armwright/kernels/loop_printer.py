@@ -11,16 +11,7 @@ from armwright.kernels.loop_arguments import NUMBERS, POINTERS, REALS, argument_
 from armwright.kernels.loop_exchange import BLOCKS, exchange
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import (
-    SINCE,
-    Call,
-    DelayStage,
-    DrawStage,
-    Exchange,
-    RecordStage,
-    Stage,
-    TableStage,
-)
+from armwright.kernels.stages import SINCE, Call, DelayStage, DrawStage, Exchange, RecordStage, Stage, TableStage
 from armwright.kernels.tiles import store_tile
 
 
@@ -162,17 +153,14 @@ class _Printer(StepPrinter):
         m = self.m
         phase = m.emit("urem i64 %row, %every")
         due = m.emit(f"icmp eq i64 {phase}, 0")
-        m.branch(due, f"{label}.write", f"{label}.end")
-        m.begin(f"{label}.write")
-        entries = [(block, entry) for block in stage.blocks for entry in range(self.sizes[block])]
-        row = m.emit("udiv i64 %row, %every")
-        offset = m.emit(f'mul i64 {row}, %"{stage.name}.stride"')
-        tile = m.emit(f"mul i64 %tile, {len(entries) * self.w}")
-        index = m.emit(f"add i64 {offset}, {tile}")
-        place = m.emit(f'getelementptr double, ptr %"{stage.name}.record", i64 {index}')
-        store_tile(m, place, [self._load(block, entry) for block, entry in entries])
-        m.jump(f"{label}.end")
-        m.begin(f"{label}.end")
+        with m.where(due, f"{label}.write", f"{label}.end"):
+            entries = [(block, entry) for block in stage.blocks for entry in range(self.sizes[block])]
+            row = m.emit("udiv i64 %row, %every")
+            offset = m.emit(f'mul i64 {row}, %"{stage.name}.stride"')
+            tile = m.emit(f"mul i64 %tile, {len(entries) * self.w}")
+            index = m.emit(f"add i64 {offset}, {tile}")
+            place = m.emit(f'getelementptr double, ptr %"{stage.name}.record", i64 {index}')
+            store_tile(m, place, [self._load(block, entry) for block, entry in entries])
 
     def _exchange(self, stage: Exchange, label: str) -> None:
         m = self.m

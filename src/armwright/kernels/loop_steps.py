@@ -79,8 +79,8 @@ class StepPrinter(BlockPrinter):
         if stage.grazing is not None:
             self._program(stage.grazing)
             grazes = m.both(m.both(alive, goes_on), m.lt(m.constant(0.0), self._load(f"grazed{NEXT}")))
-            self._store("grazed", 0, m.select(grazes, self._load(f"grazed{NEXT}"), self._load("grazed")))
-            self._store("frozen", 0, m.select(grazes, self._splat("%tick"), self._load("frozen")))
+            self._set(grazes, "grazed", self._load(f"grazed{NEXT}"))
+            self._set(grazes, "frozen", self._splat("%tick"))
         self._accept(goes_on)
         self._store("left", 0, m.select(cut, m.sub(left, self._load("h")), m.constant(0.0)))
         self._out(f"  %{label}.i.next = add i64 %{label}.i, 1")
@@ -88,8 +88,8 @@ class StepPrinter(BlockPrinter):
         m.begin(f"{label}.whole")
         if stage.landing is not None:
             more = m.both(m.lt(m.constant(0.0), self._load("switched")), self._not_frozen())
-            self._store("frozen", 0, m.select(more, self._splat("%tick"), self._load("frozen")))
-            self._store("grazed", 0, m.select(more, m.constant(TOO_MANY), self._load("grazed")))
+            self._set(more, "frozen", self._splat("%tick"))
+            self._set(more, "grazed", m.constant(TOO_MANY))
 
     def _cut(self, stage: Integrate | Adapt, label: str, where: Value, length: Value, allowed: Value) -> Value:
         """The lanes `where` something switches within the step just taken; their step now ends at the first such place.
@@ -103,25 +103,22 @@ class StepPrinter(BlockPrinter):
         switches = m.both(where, m.lt(m.constant(0.0), self._load("switched")))
         some = m.emit(f"and i1 {m.any(switches)}, {allowed}")
         before = m.block
-        m.branch(some, f"{label}.bracket", f"{label}.cut")
-        m.begin(f"{label}.bracket")
-        self._program(bracket)
-        within = stage.within if isinstance(stage, Adapt) else None
-        with m.repeat(f"{label}.secant", SECANTS if within is None else SECANTS_WITHIN):
-            if within is None:
-                self._store("h", 0, m.mul(self._load("part"), length))
-            self._program(within or stage.step)
-            self._program(narrow)
-            self._replace_blocks(narrow)
-        part = self._load("bracket", 1)
-        if isinstance(stage, Integrate) and stage.landing is not None:
-            self._land(stage, switches, m.select(switches, m.mul(self._beyond(part), length), length))
-        else:
-            self._store("h", 0, m.select(switches, m.mul(part, length), length))
-            self._program(stage.step)
-        last = m.block
-        m.jump(f"{label}.cut")
-        m.begin(f"{label}.cut")
+        with m.where(some, f"{label}.bracket", f"{label}.cut"):
+            self._program(bracket)
+            within = stage.within if isinstance(stage, Adapt) else None
+            with m.repeat(f"{label}.secant", SECANTS if within is None else SECANTS_WITHIN):
+                if within is None:
+                    self._store("h", 0, m.mul(self._load("part"), length))
+                self._program(within or stage.step)
+                self._program(narrow)
+                self._replace_blocks(narrow)
+            part = self._load("bracket", 1)
+            if isinstance(stage, Integrate) and stage.landing is not None:
+                self._land(stage, switches, m.select(switches, m.mul(self._beyond(part), length), length))
+            else:
+                self._store("h", 0, m.select(switches, m.mul(part, length), length))
+                self._program(stage.step)
+            last = m.block
         return m.emit(f"phi {m.mask} [ {none}, %{before} ], [ {switches}, %{last} ]")
 
     def _land(self, stage: Integrate, switches: Value, cut: Value) -> None:
@@ -145,8 +142,8 @@ class StepPrinter(BlockPrinter):
             left = m.sub(left, h)
             self._store("h", 0, m.select(switches, h, cut))
             self._program(stage.step)
-            for k in range(self.sizes["x"] if closer < CLOSER - 1 else 0):
-                self._store("x", k, m.select(switches, self._load(f"x{NEXT}", k), self._load("x", k)))
+            if closer < CLOSER - 1:
+                self._set_all(switches, "x", f"x{NEXT}")
         for k, value in enumerate(located):
             self._store(f"x{NEXT}", k, value)
         self._program(stage.landing)
@@ -176,7 +173,7 @@ class StepPrinter(BlockPrinter):
         good, bad = m.both(alive, finite), m.both(alive, m.inverse(finite))
         self._store("frozen", 0, m.select(bad, self._splat("%tick"), frozen))
         for k, value in enumerate(new):
-            self._store("x", k, m.select(good, value, self._load("x", k)))
+            self._set(good, "x", value, k)
 
     def _moving(self) -> Value:
         """Lanes that have not ended their tick."""
@@ -210,10 +207,10 @@ class StepPrinter(BlockPrinter):
         self._store(SINCE, 0, now)
         waits = m.both(active, m.lt(now, edge))
         over = m.both(waits, m.le(self._most(stage), tried))
-        self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
+        self._set(over, "frozen", self._splat("%tick"))
         self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
         if "worst" in self.sizes:
-            self._store("stalled_by", 0, m.select(over, self._load("worst"), self._load("stalled_by")))
+            self._set_all(over, "stalled_by", "worst")
         again = m.any(m.both(waits, m.inverse(over)))
         m.branch(again, f"{label}.trial", f"{label}.reached")
         m.begin(f"{label}.reached")
@@ -270,16 +267,12 @@ class StepPrinter(BlockPrinter):
 
     def _take(self, stage: Adapt, trial: _Trial) -> None:
         """The state behind a trial, and all else that it computed, in lanes in which it was good."""
-        m, good = self.m, trial.good
         if stage.ahead:
-            self._store("span", 0, m.select(good, trial.length, self._load("span")))
-            for k in range(self.sizes["x"]):
-                self._store("x_from", k, m.select(good, self._load("x", k), self._load("x_from", k)))
+            self._set(trial.good, "span", trial.length)
+            self._set_all(trial.good, "x_from", "x")
         for port in stage.trial.outputs:
             if port.name.endswith(NEXT):
-                block = port.name.removesuffix(NEXT)
-                for k in range(port.size):
-                    self._store(block, k, m.select(good, self._load(port.name, k), self._load(block, k)))
+                self._set_all(trial.good, port.name.removesuffix(NEXT), port.name)
 
     def _begin_interval(self, stage: Adapt, t: Value) -> None:
         """Continues lanes with unchanged inputs after their last step; restarts others, with steps no longer than that lasted."""
@@ -292,8 +285,7 @@ class StepPrinter(BlockPrinter):
         wanted, lasted = self._load("h_try"), m.sub(self._load("span"), ahead)
         self._store("h_try", 0, m.select(m.both(anew, m.lt(lasted, wanted)), lasted, wanted))
         self._store(SINCE, 0, m.select(on, m.add(t, ahead), t))
-        for k in range(self.sizes["x"]):
-            self._store("x", k, m.select(on, self._load("x_end", k), self._load("x", k)))
+        self._set_all(on, "x", "x_end")
         for port in held.inputs:
             if port.name.endswith(HELD) and port.name != f"x{HELD}":
                 self._copy(f'%"{port.name}.at"', port.name.removesuffix(HELD), port.size)
@@ -339,21 +331,17 @@ class StepPrinter(BlockPrinter):
             crossed = self._load("crossed", k)
             some = m.select(m.lt(some, crossed), crossed, some)
         located = m.both(m.both(good, m.inverse(landing)), m.lt(m.constant(0.0), some))
-        m.branch(m.any(located), f"{label}.locate", f"{label}.note")
-        m.begin(f"{label}.locate")
-        for k in range(self.sizes["upper"]):
-            self._store("lower", k, m.constant(0.0))
-            self._store("upper", k, m.constant(1.0))
-        with m.repeat(f"{label}.halve", HALVINGS):
-            self._program(halve)
-            self._replace_blocks(halve)
-        self._program(choose)
-        shorter = m.mul(self._load("part"), self._load("h"))
-        self._store("h_land", 0, m.select(located, shorter, self._load("h_land")))
-        for k in range(self.sizes["hit"]):
-            self._store("hit", k, m.select(located, self._load("hit_new", k), self._load("hit", k)))
-        m.jump(f"{label}.note")
-        m.begin(f"{label}.note")
+        with m.where(m.any(located), f"{label}.locate", f"{label}.note"):
+            for k in range(self.sizes["upper"]):
+                self._store("lower", k, m.constant(0.0))
+                self._store("upper", k, m.constant(1.0))
+            with m.repeat(f"{label}.halve", HALVINGS):
+                self._program(halve)
+                self._replace_blocks(halve)
+            self._program(choose)
+            shorter = m.mul(self._load("part"), self._load("h"))
+            self._set(located, "h_land", shorter)
+            self._set_all(located, "hit", "hit_new")
         good = m.both(good, m.inverse(located))
         self._store("moved", 0, m.truth(good))
         self._program(note)
@@ -397,13 +385,10 @@ class StepPrinter(BlockPrinter):
             return m.sub(m.mul(self._load(TURNS), period), m.mul(self._splat("%tick"), self._splat("%h")))
 
         due = m.both(self._moving(), m.le(due_at(), m.add(t, near)))
-        m.branch(m.any(due), f"{label}.turn", f"{label}.turned")
-        m.begin(f"{label}.turn")
-        self._program(turn.program)
-        self._accept(due)
-        self._store(TURNS, 0, m.add(self._load(TURNS), m.truth(due)))
-        m.jump(f"{label}.turned")
-        m.begin(f"{label}.turned")
+        with m.where(m.any(due), f"{label}.turn", f"{label}.turned"):
+            self._program(turn.program)
+            self._accept(due)
+            self._store(TURNS, 0, m.add(self._load(TURNS), m.truth(due)))
         following = due_at()
         return m.select(m.lt(following, m.sub(edge, near)), following, edge)
 

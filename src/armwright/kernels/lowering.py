@@ -100,10 +100,7 @@ def _truth(name: str) -> Callable[..., Value]:
     return lambda m, *values: m.truth(getattr(m, name)(*values))
 
 
-_OF_LIBM = (
-    *("pow", "asin", "acos", "sinh", "cosh", "asinh", "acosh", "atanh"),
-    *("erf", "fmod", "log1p", "remainder"),
-)
+_OF_LIBM = (*("pow", "asin", "acos", "sinh", "cosh", "asinh", "acosh", "atanh"), *("erf", "fmod", "log1p", "remainder"))
 #: Operations that call libm for every argument, so that their bits are those of the platform's libm.
 BITS_OF_LIBM = frozenset({*(name.upper() for name in _OF_LIBM), "CONSTPOW", "ERFINV"})
 

@@ -126,10 +126,7 @@ SIGNATURES: dict[str, Signature] = {
         Signature(
             dynamics.forward_arm_linearised,
             (Q, QD, U),
-            (
-                Operand("A", ("2n", "2n"), "1 | 1/s | 1/s²"),
-                Operand("B", ("2n", "n"), "rad/s² | m/s², per unit of u"),
-            ),
+            (Operand("A", ("2n", "2n"), "1 | 1/s | 1/s²"), Operand("B", ("2n", "n"), "rad/s² | m/s², per unit of u")),
             regroup=True,
             most_joints=MOST_DIFFERENTIATED,
         ),

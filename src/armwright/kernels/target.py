@@ -13,7 +13,7 @@ from pathlib import Path
 
 from llvmlite import binding
 
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.kernels.format import DOUBLE, FORMATS, Format
 
 WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
@@ -67,8 +67,7 @@ def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
         if features.get("avx512f"):
             features["prefer-256-bit"] = False  # or LLVM leaves half of every register empty
         return Target(binding.get_host_cpu_name(), binding.FeatureMap(features).flatten(), width).lanes_of(format)
-    if name not in WIDTHS:
-        raise ModelError(place="target", value=name, choices=WIDTHS)
+    check_known(ModelError, name, WIDTHS, place="target")
     if not features.get(NEEDS[name]):
         missing = f"this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}"
         raise ModelError(missing, place="target", value=name)

@@ -15,9 +15,8 @@ from armwright.model import Model, one_state
 from armwright.program import Program, call, trace
 from armwright.scalar import Array, Scalar
 
-SWEEPS = (
-    6  # of rotations: random 6 × 7 matrices are done to rounding after 6, those with one tiny singular value after 7
-)
+# of rotations: random 6 × 7 matrices are done to rounding after 6, those with one tiny singular value after 7
+SWEEPS = 6
 
 
 def checked_task(task: str) -> tuple[bool, Aim]:

@@ -6,6 +6,8 @@ from armwright import scalar
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 
+ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
+
 
 def reach(arm: Model, frame: str | None = None) -> Scalar:
     """An upper bound of a frame's distance from the base's origin: the sum of the lengths between the joints' axes.
@@ -34,6 +36,12 @@ def reach(arm: Model, frame: str | None = None) -> Scalar:
         ends = [_length(body.placement.position + slide * body.kind.motion(q)[1]) for q in (low, high)]
         total = total + scalar.maximum(*ends)
     return total + _length(tip.placement.position)
+
+
+def turn_length(arm: Model, frame: str | None = None) -> float:
+    """Length that a turn of a frame by 1 rad counts as [m]: a third of the reach, 1 m where that is 0 or infinite."""
+    length = float(reach(arm, frame))
+    return ANGLE_SHARE * length if 0.0 < length < float("inf") else 1.0
 
 
 def _length(v: Array) -> Scalar:

@@ -182,8 +182,8 @@ COMPARISONS = (
         *("the no-load speed V / (n Ke)", lambda d: d.voltage / (d.n * d.ke)),
     ),
     DriveComparison(
-        *("rotor", "the rotor's inertia at the joint n² J", lambda d: d.n**2 * d.rotor, "kg m² | kg"),
-        *((0.0, 0.1, 1e4), "that of all links", lambda d: d.links, LOOSE),
+        *("rotor", "the rotor's inertia at the joint n² J", lambda d: d.n**2 * d.rotor, "kg m² | kg", (0.0, 0.1, 1e4)),
+        *("that of all links", lambda d: d.links, LOOSE),
     ),
     DriveComparison(
         *("r", "R I at the limit of current", lambda d: d.r * d.current, "V", (1e-4, 0.3, 10.0)),

@@ -88,7 +88,7 @@ def tree_of(robot: RobotDescription) -> Tree:
     if not bodies:
         raise DescriptionError(place=robot.name, expected="at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
-    tip = robot.tip if robot.tip is not None else robot.end_of_chain
+    tip = robot.end_of_chain if robot.tip is None else robot.tip
     followers = {joint.name: joint.mimic for joint in robot.moving_joints if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
     cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)

@@ -9,16 +9,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.model.tree import Tree
 from armwright.printable import is_seen
 from armwright.scalar import Array
 
 TERMS = ("friction", "springs", "rotors", "efficiency", "firmware")  # that None takes away
-OF_DRIVES = {
-    "rotors": ("rotor_inertia", 0.0),
-    "efficiency": ("efficiency", None),
-}  # field, and its value without the term
+# field, and its value without the term
+OF_DRIVES = {"rotors": ("rotor_inertia", 0.0), "efficiency": ("efficiency", None)}
 OF_JOINTS = {"friction": "friction", "springs": "spring"}
 CHANGES = (*TERMS, "gravity", "tip", "name")
 AnyTree = TypeVar("AnyTree", bound=Tree)
@@ -30,8 +28,7 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
     Raises:
         ModelError: an unknown change, or a value that is none.
     """
-    if name not in CHANGES:
-        raise ModelError("no such change", place="replace", value=name, choices=CHANGES)
+    check_known(ModelError, name, CHANGES, "no such change", place="replace")
     if name in TERMS:
         if value is not None:
             raise ModelError(place=f"replace.{name}", value=value, expected="None, which takes it away")

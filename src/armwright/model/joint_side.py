@@ -155,18 +155,18 @@ def _smoothing(joint: MovingJoint) -> Scalar | None:
     """Speed of the joint over which friction and gear loss are smoothed, None if absent; the motor's is divided by |n|."""
     record = joint.friction
     speed = None if record is None else getattr(record, record.units.key("smoothing", "speed"))
-    return None if speed is None else speed.number / _side_ratio(joint)
+    return None if speed is None else speed.number / _side_ratio(joint, record)
 
 
-def _side_ratio(joint: MovingJoint) -> Scalar:
-    """|n| where friction is given on the motor side, else 1."""
-    on_motor = joint.friction is not None and joint.friction.side == "motor"
+def _side_ratio(joint: MovingJoint, record: Any) -> Scalar:
+    """|n| where friction or a brake is given on the motor side, else 1."""
+    on_motor = record is not None and record.side == "motor"
     return abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
 
 
 def friction_of(joint: MovingJoint) -> Friction | None:
     """Referred to the joint: torques by |n|, viscous by n², speeds by 1/|n|. Signs are the joint's on either side."""
-    record, n = joint.friction, _side_ratio(joint)
+    record, n = joint.friction, _side_ratio(joint, joint.friction)
     if record is None:
         return None
     factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n, "number": 1.0}
@@ -221,8 +221,7 @@ def brake_of(joint: MovingJoint) -> Brake | None:
     record = joint.brake
     if record is None:
         return None
-    on_motor = record.side == "motor"
-    n = abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
+    on_motor, n = record.side == "motor", _side_ratio(joint, record)
     keys = (record.units.key("holding_torque", "torque"), *_spring_keys(record.units))
     if getattr(record, keys[1]) is None:
         return Brake(getattr(record, keys[0]).number * n, None, None, None, on_motor)

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.description.paths import quantities, reading_at, unit_at
 from armwright.description.robot import RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.quantity import Reading
 
 
@@ -60,8 +60,7 @@ class Parameters(Sequence[Parameter]):
         if isinstance(which, slice):
             return Parameters(self._rows[which])
         if isinstance(which, str):
-            if which not in self._places:
-                raise ModelError("no such parameter", place="parameters", value=which, choices=self._places)
+            check_known(ModelError, which, self._places, "no such parameter", place="parameters")
             which = self._places[which]
         return self._rows[which]
 

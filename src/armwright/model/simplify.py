@@ -11,15 +11,7 @@ from armwright.model.model import Model
 from armwright.model.springs import SpringCylinder
 from armwright.model.tree import BASE, Body, Frame
 from armwright.scalar import Array
-from armwright.spatial import (
-    Placement,
-    displaced_inertia,
-    rotated,
-    rotation_to_axis,
-    rotation_x,
-    rotation_z,
-    snap,
-)
+from armwright.spatial import Placement, displaced_inertia, rotated, rotation_to_axis, rotation_x, rotation_z, snap
 
 PARALLEL = 1e-9  # sine of an angle between axes below which they are parallel
 RIGHT_ANGLE = 1e-12  # [rad], as `spatial.rotation.SNAP`

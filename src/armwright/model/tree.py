@@ -9,16 +9,15 @@ from dataclasses import dataclass, field
 from typing import Self
 
 from armwright import scalar
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.friction_laws import linear_parameters
 from armwright.joint_kinds import JointKind
 from armwright.model.drive import Brake, Drive, DriveLimits, Elasticity, Friction, Stops, Supply
 from armwright.model.mimics import Mimics
 from armwright.model.springs import Spring, SpringCylinder
 from armwright.scalar import Array, Scalar
-from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes, rotated
+from armwright.spatial import TENSOR, Frozen, Placement, displaced_inertia, parallel_axes, rotated
 
-TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of a symmetric tensor, in the regressor's order
 BASE = -1  # the parent of bodies that stand on the base
 
 
@@ -80,20 +79,17 @@ class Body(Frozen):
         back, p = self.link_frame.rotation.T, self.link_frame.position
         first = rotated(back, self.first_moment - self.mass * p)
         tensor = back @ (self.inertia + displaced_inertia(self.mass, self.first_moment, -p)) @ back.T
-        return scalar.array([self.mass, *first, *(tensor[i, j] for i, j in TENSOR)])
+        return scalar.array([self.mass, *first, *(tensor[place] for place in TENSOR.values())])
 
     def with_inertial_parameters(self, parameters: Array) -> Body:
         """The body with other `inertial_parameters` (10,), numbers or symbols."""
         tensor = scalar.zeros(3, 3)
-        for (i, j), entry in zip(TENSOR, parameters[4:], strict=True):
+        for (i, j), entry in zip(TENSOR.values(), parameters[4:], strict=True):
             tensor[i, j] = tensor[j, i] = entry
         m, rotation, p = parameters[0], self.link_frame.rotation, self.link_frame.position
         h = rotation @ parameters[1:4]
         return dataclasses.replace(
-            self,
-            mass=m,
-            first_moment=h + m * p,
-            inertia=rotation @ tensor @ rotation.T + displaced_inertia(m, h, p),
+            self, mass=m, first_moment=h + m * p, inertia=rotation @ tensor @ rotation.T + displaced_inertia(m, h, p)
         )
 
 
@@ -202,6 +198,5 @@ class Tree(Frozen):
                     "the arm names no tip", place="tip", expected=f"replace(tip=…), one of {', '.join(self.frames)}"
                 )
             name = self.tip
-        if not isinstance(name, str) or name not in self.frames:
-            raise ModelError(f"{self.name} has no such frame", place="frame", value=name, choices=self.frames)
+        check_known(ModelError, name, self.frames, f"{self.name} has no such frame", place="frame")
         return self.frames[name]

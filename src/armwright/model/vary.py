@@ -21,7 +21,7 @@ from armwright.model.model import Model, assembled
 from armwright.model.parameter_table import Parameter, parameters_of
 from armwright.quantity import INCREASING, RISING, rise
 from armwright.scalar import Array
-from armwright.spatial import pseudo_inertia
+from armwright.spatial import TENSOR, pseudo_inertia
 
 TAKEN_AWAY = {  # by `arm.replace`: the parameters that no longer count
     "friction": ".friction.",
@@ -253,7 +253,6 @@ class _Column:
     column: int
 
 
-TENSOR = ("xx", "xy", "xz", "yy", "yz", "zz")
 PIECE = 65536  # bodies whose eigenvalues are taken in one go
 BODY = ("mass_kg", "com_m[0]", "com_m[1]", "com_m[2]", *(f"inertia_kg_m2.{entry}" for entry in TENSOR))
 

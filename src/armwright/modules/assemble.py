@@ -13,7 +13,7 @@ import pydantic
 from armwright.description.paths import quantities
 from armwright.description.robot import JOINTS, FixedJoint, NamedFrame, RobotDescription
 from armwright.entry import as_path
-from armwright.errors import DescriptionError, Problem
+from armwright.errors import DescriptionError, Problem, check_known
 from armwright.lint.feasibility import frame_origin_sign
 from armwright.modules.assembly import Assembly, origin, read_assembly
 from armwright.modules.instances import Instance, ground_first, instances_of
@@ -162,8 +162,7 @@ def _with_limits(assembly: Assembly, joints: Sequence[Any]) -> list[Any]:
     joints = list(joints)
     known = {joint.name: k for k, joint in enumerate(joints) if joint.kind.moves}
     for name, table in assembly.limits.items():
-        if name not in known:
-            raise DescriptionError("no such joint", place="limits", value=name, choices=known)
+        check_known(DescriptionError, name, known, "no such joint", place="limits")
         old = joints[known[name]].limits
         data = {key: value for key, value in table.items() if key != "source"}
         limits = validated(type(old), data, place=f"limits.{name}")

@@ -11,7 +11,7 @@ from pydantic import Field, create_model, model_validator
 from armwright.description.consistency import check_sources, check_unique
 from armwright.description.drive import Command
 from armwright.description.robot import JOINTS as MOVING_JOINTS, FixedJoint, Inertia, JointFrame, MovingJoint, Name
-from armwright.errors import DescriptionError, Problem
+from armwright.errors import DescriptionError, Problem, check_known
 from armwright.lint.feasibility import impossible
 from armwright.quantity import NotNegative, Record, Source, Vector3, optional
 from armwright.solids.visual import Visual, placement_of
@@ -127,8 +127,7 @@ class Module(Record):
         check_unique("joints", [joint.name for joint in self.joints])
         check_unique("connectors", connectors)
         for connector in self.connectors:
-            if connector.body not in bodies:
-                raise Invalid(place=f" connector {connector.name!r} body", value=connector.body, choices=bodies)
+            check_known(Invalid, connector.body, bodies, place=f" connector {connector.name!r} body")
         if self.ground is not None and self.ground not in connectors:
             raise Invalid("no connector", place=" ground", value=self.ground, choices=connectors)
         if len(bodies) > 1 and set(bodies) & set(connectors):
@@ -227,8 +226,7 @@ class ModuleLibrary(Record):
             DescriptionError: there is none.
         """
         known = {module.name: module for module in self.modules}
-        if name not in known:
-            raise DescriptionError("no such module", place=f"module of {self.name}", value=name, choices=known)
+        check_known(DescriptionError, name, known, "no such module", place=f"module of {self.name}")
         return known[name]
 
 
@@ -238,8 +236,7 @@ def _check_tree(joints: tuple[Any, ...], bodies: list[str]) -> None:
     for joint in joints:
         for side in ("parent", "child"):
             name = getattr(joint, side)
-            if name not in bodies:
-                raise Invalid("no body", place=f" joint {joint.name!r} {side}", value=name, choices=bodies)
+            check_known(Invalid, name, bodies, "no body", place=f" joint {joint.name!r} {side}")
         if joint.child in parent:
             raise Invalid(f"body {joint.child!r} is moved by two joints: closed chains are not supported")
         parent[joint.child] = joint.parent

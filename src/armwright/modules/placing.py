@@ -10,9 +10,7 @@ from armwright.description.robot import Inertia, JointFrame, Link
 from armwright.lint.feasibility import about_com
 from armwright.modules.library import ModuleBody
 from armwright.quantity import Quantity
-from armwright.spatial import Placement, rpy_angles
-
-ENTRIES = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
+from armwright.spatial import TENSOR, Placement, rpy_angles
 
 
 def link_of(body: ModuleBody, name: str, source: str | None, placed: Placement) -> Link:
@@ -57,11 +55,11 @@ def _moved(com: Quantity, placed: Placement) -> Quantity:
 def _turned(inertia: Inertia, tensor: np.ndarray, rotation: np.ndarray) -> Inertia:
     """R I Rᵀ; each entry is a weighted sum of the entries of I, which gives its deviation and its source."""
     turned = rotation @ tensor @ rotation.T
-    old = [getattr(inertia, key) for key, _, _ in ENTRIES]
+    old = [getattr(inertia, key) for key in TENSOR]
     deviations = np.array([0.0 if q.std is None else float(np.max(q.std)) for q in old])
     entries = {}
-    for key, i, j in ENTRIES:
-        weights = np.array([_weight(rotation, i, j, k, l) for _, k, l in ENTRIES])
+    for key, (i, j) in TENSOR.items():
+        weights = np.array([_weight(rotation, i, j, k, l) for k, l in TENSOR.values()])
         main = old[int(np.argmax(np.abs(weights)))]
         std = float(np.sqrt(weights**2 @ deviations**2))
         value = float(turned[i, j]) + 0.0

@@ -13,13 +13,7 @@ from armwright.actuators.springs import spring_torque
 from armwright.dynamics import gravity_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
-from armwright.model.parametric_model import (
-    Structure,
-    parameter_shapes,
-    parameters_of,
-    parametric_model,
-    structure,
-)
+from armwright.model.parametric_model import Structure, parameter_shapes, parameters_of, parametric_model, structure
 from armwright.program import Program, interpret, trace
 from armwright.scalar import Array
 from armwright.spatial import cross

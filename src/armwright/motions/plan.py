@@ -17,13 +17,7 @@ from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model, build_model
 from armwright.model.payload import Payload
 from armwright.motions.obstacles import check_clearance
-from armwright.motions.records import (
-    MotionTable,
-    MoveSegment,
-    TimeOptimalSegment,
-    ToolSegment,
-    WaypointsSegment,
-)
+from armwright.motions.records import MotionTable, MoveSegment, TimeOptimalSegment, ToolSegment, WaypointsSegment
 from armwright.motions.tool import tool_excesses, tool_motion
 from armwright.motions.values import (
     LEAST,

@@ -22,12 +22,8 @@ from armwright.trajectory.limits_report import dense_times
 
 TOOL_KEPT = 1.001  # share of a tool's limit that counts as kept: between the nodes of its spline it leaves the path
 
-TURNS = {
-    "rpy_rad": (),
-    "direction": ("axis", "pitch", "yaw"),
-    "pitch_rad": ("pitch",),
-    "yaw_rad": ("yaw",),
-}  # key: aims
+# key: aims
+TURNS = {"rpy_rad": (), "direction": ("axis", "pitch", "yaw"), "pitch_rad": ("pitch",), "yaw_rad": ("yaw",)}
 
 
 def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionLimits, time: float) -> CartesianMotion:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ArmwrightError, Problem, ScenarioError
+from armwright.errors import ArmwrightError, Problem, ScenarioError, check_known
 from armwright.kinematics.aim import Aim
 from armwright.model import Model, build_model
 from armwright.model.payload import Payload
@@ -26,8 +26,8 @@ from armwright.motions.records import (
     WaypointsSegment,
 )
 from armwright.scenarios.files import Files
-from armwright.scenarios.lanes import TENSOR
 from armwright.scenarios.records import inertia_tensor
+from armwright.spatial import TENSOR
 from armwright.trajectory.limits import MotionLimits
 
 MOVING = ("minimum_jerk", "ruckig")  # curves which may begin and end moving
@@ -137,8 +137,7 @@ def pose(place: str, value: Any, arm: Model, others: np.ndarray) -> np.ndarray:
     """(n,) from one number for all joints, one for each, or a table by joint; joints not in the table get those of `others`."""
     if isinstance(value, Mapping):
         for name in value:
-            if name not in arm.names:
-                raise ScenarioError("no joint of the arm", place=place, value=name, choices=arm.names)
+            check_known(ScenarioError, name, arm.names, "no joint of the arm", place=place)
         return np.array([value.get(name, other) for name, other in zip(arm.names, others, strict=True)], dtype=float)
     numbers = np.asarray(value, dtype=float)
     if numbers.shape not in ((), (arm.n,)):

@@ -90,10 +90,8 @@ def arm_of_parts(database: PartsDatabase, origin: BuiltFrom) -> PartsBuild:
         key = _unused(f"sum-{link.link.name}", sources)
         sources[key] = _source(database, link, Path(origin.file).name)
         records.append(_link(link, key))
-    shared = {"name", "title", "notes", "source", "gravity_m_s2", "base", "command", "tip", "joints", "frames"} | {
-        "cylinders"
-    }
-    head = {name: getattr(database, name) for name in sorted(shared & database.model_fields_set)}
+    shared = database.model_fields_set - {"sources", "materials", "links"}
+    head = {name: getattr(database, name) for name in sorted(shared)}
     fields = {**head, "sources": sources, "built_from": origin, "links": tuple(records)}
     fields["remarks"] = tuple(map(str, warnings))
     description = validated(RobotDescription, fields)

@@ -127,11 +127,7 @@ def _primitive(shape: Shape, arrays: Arrays, materials: list[dict[str, Any]]) ->
     if material not in materials:
         materials.append(material)
     vertices = {"POSITION": arrays.vertices(shape.positions, bounds=True), "NORMAL": arrays.vertices(shape.normals)}
-    return {
-        "attributes": vertices,
-        "indices": arrays.triangles(shape.triangles),
-        "material": materials.index(material),
-    }
+    return {"attributes": vertices, "indices": arrays.triangles(shape.triangles), "material": materials.index(material)}
 
 
 def _linear(value: float) -> float:

@@ -81,10 +81,7 @@ def checked_pose(arm: Model, q: Any) -> np.ndarray:
     Raises:
         ShapeError: q is no pose of the arm.
     """
-    try:
-        pose = scalar.real_numbers(q)
-    except ValueError:
-        pose = np.zeros(0)
+    pose = scalar.numbers_or_nan(q)
     if pose.shape != (arm.n,) or not np.isfinite(pose).all():
         expected = f"{arm.n} finite numbers, one for each joint of {arm.name}"
         raise ShapeError(place="q", value=q, expected=expected)

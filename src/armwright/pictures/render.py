@@ -168,13 +168,7 @@ class _Shadow:
 
 
 def _bodies(
-    surfaces: Surfaces,
-    seen: Seen,
-    lit: np.ndarray,
-    view: Camera,
-    rays: np.ndarray,
-    light: np.ndarray,
-    shadow: _Shadow,
+    surfaces: Surfaces, seen: Seen, lit: np.ndarray, view: Camera, rays: np.ndarray, light: np.ndarray, shadow: _Shadow
 ) -> np.ndarray:
     names, weights = seen.triangle[lit], seen.weights[lit]
     corners, ray = surfaces.corners[names], rays[lit]

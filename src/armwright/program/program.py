@@ -15,9 +15,8 @@ from armwright.program.turns import alone
 
 Value = int  # index of an instruction's result; every value is written once
 NO_OPERATIONS = ("INPUT", "OUTPUT", "CONST")  # instructions that compute nothing
-NEEDED = (
-    "needed"  # first input of a program whose results are not used where it is 0: compiled code may then leave it out
-)
+# first input of a program whose results are not used where it is 0: compiled code may then leave it out
+NEEDED = "needed"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.entry import AnyRun, as_run
-from armwright.errors import RunError
+from armwright.errors import RunError, check_known
 from armwright.joint_kinds import KINDS
 from armwright.printable import printable
 from armwright.results.aliases import PARTIAL, QUANTITIES, joint_names, variables
@@ -181,8 +181,7 @@ def _part(name: str, run: xr.Dataset, joints: Sequence[str] | None, quantities: 
     names, known = [str(joint) for joint in run["joint"].values], _quantities_of(run)
     joints = names if joints is None else joint_names(joints, names) or names
     for joint in joints:
-        if joint not in names:
-            raise RunError("no such joint", place=f"{name} joint", value=joint, choices=names)
+        check_known(RunError, joint, names, "no such joint", place=f"{name} joint")
     for quantity in quantities or ():
         if quantity not in known:
             names = [*known, *(alias for alias, variable in QUANTITIES.items() if variable in known)]

@@ -14,7 +14,7 @@ from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.todo import TODO, todo_problems
 from armwright.description.urdf.reader import UNUSED
 from armwright.description.writer import for_folder, to_toml
-from armwright.errors import DescriptionError, OutputError
+from armwright.errors import DescriptionError, OutputError, check_known
 from armwright.joint_kinds import KINDS, JointUnits
 from armwright.output import check_destination, whole_file
 from armwright.toml_text import TomlText
@@ -85,8 +85,7 @@ def new_robot(
         raise OutputError(
             "is there already", file=target, expected="a new file; `armwright check` says what is to be done in it"
         )
-    if command not in COMMANDED:
-        raise DescriptionError(place="command", value=command, choices=COMMANDED)
+    check_known(DescriptionError, command, COMMANDED, place="command")
     if (source is None) == (joints is None):
         what = "not beside a robot file" if source is not None else "missing"
         raise DescriptionError(what, place="joints", expected="a robot file to start from, or a number of joints")

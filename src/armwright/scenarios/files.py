@@ -15,7 +15,7 @@ from armwright.description.content import LARGEST, Content, parse_robot, robot_t
 from armwright.description.database import XML_ENDINGS
 from armwright.description.drive_file import drive_file_beside
 from armwright.description.robot import RobotDescription
-from armwright.errors import RunError, ScenarioError
+from armwright.errors import RunError, ScenarioError, check_known
 from armwright.named_file import named_file
 from armwright.quantity import Record
 from armwright.reading import read_file
@@ -159,8 +159,7 @@ class KeptFiles(Files):
 
     def table(self, place: str, name: str) -> tuple[str, str]:
         """The text of a table, or of a robot."""
-        if name not in self.kept.files:
-            raise RunError("not kept with the run", place=place, value=name, choices=self.kept.files, file=self.run)
+        check_known(RunError, name, self.kept.files, "not kept with the run", place=place, file=self.run)
         text = self.kept.files[name].checked(f"content of {name!r}", self.run)
         self.read[name] = self.kept.files[name]
         return text, f"{self.run} ({name})"

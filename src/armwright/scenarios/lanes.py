@@ -12,9 +12,9 @@ from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.parameters import Batch, lane_values
+from armwright.spatial import TENSOR
 
 Fields = dict[str, Any]
-TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
 PAYLOAD = {"time_s": "time", "mass_kg": "mass", "com_m": "com", "inertia_kg_m2": "inertia"}
 TIMES = ("measurement_delay", "command_delay", "jitter")  # whose keys end in _s
 NAME = re.compile(

@@ -20,13 +20,14 @@ from armwright.model.changes import TERMS
 from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw
 from armwright.scenarios.kinds import CONFIGURED, FILE_KEYS, kind_of
-from armwright.scenarios.lanes import TENSOR, TIMES
+from armwright.scenarios.lanes import TIMES
 from armwright.scenarios.parts import Formulas
 from armwright.scenarios.values import OTHERS
 from armwright.simulation.inputs.schedule import Schedule
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Start
+from armwright.spatial import TENSOR
 from armwright.trajectory.limits import QUANTITIES, MotionLimits
 from armwright.trajectory.motion import Motion
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ModelError, ScenarioError
+from armwright.errors import ModelError, ScenarioError, check_known
 from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.quantity import Record
@@ -206,8 +206,7 @@ def _joint_values(place: str, value: Any, arm: Model) -> np.ndarray | None:
 def _check_joints(place: str, table: Mapping[str, Any], arm: Model) -> None:
     """Refuses names that are no joints of the arm."""
     for name in table:
-        if name not in arm.names:
-            raise ScenarioError("no joint of the arm", place=place, value=name, choices=arm.names)
+        check_known(ScenarioError, name, arm.names, "no joint of the arm", place=place)
 
 
 def _check_numbers(place: str, value: Any, arm: Model) -> None:

@@ -23,9 +23,8 @@ from armwright.shadow.verdict import Judged
 FACTOR = 8.0  # standard deviations: peaks of model error where joints turn back are 5 in simulation
 SHARE = 0.05  # of Σ |M_ij q̈_j| + |C_ij q̇_j|
 HOLD, REST = 0.02, 0.2  # [s]
-JUDGED = (
-    0.5  # [s] from the beginning, over which the cause is looked for: later on joints stand still in their friction
-)
+# [s] from the beginning, over which the cause is looked for: later on joints stand still in their friction
+JUDGED = 0.5
 PAYLOAD = 0.9  # share of the residuals that another payload has to explain
 
 

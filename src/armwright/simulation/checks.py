@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.model import Model
 from armwright.parameters import Batch, Draw, lane_values, numbers_by_lane
 
@@ -56,8 +56,7 @@ def check_choice(place: str, value: Any, choices: tuple[str, ...]) -> None:
     Raises:
         ScenarioError: names it and the nearest ones.
     """
-    if not isinstance(value, str) or value not in choices:
-        raise ScenarioError("unknown", place=place, value=value, choices=choices)
+    check_known(ScenarioError, value, choices, "unknown", place=place)
 
 
 def is_whole(value: Any, least: int) -> bool:

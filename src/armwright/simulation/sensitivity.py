@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import DivergenceError, ScenarioError
+from armwright.errors import DivergenceError, ScenarioError, check_known
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
 from armwright.kernels.compiled import CPU
@@ -195,8 +195,7 @@ def _opened(scenario: Scenario, by: Sequence[str]) -> tuple[Scenario, dict[str, 
     for field in fields_of:
         plain = not is_dataclass(controller) or isinstance(controller, type)
         known = [] if plain else [each.name for each in fields(controller)]
-        if field not in known:
-            raise ScenarioError("the controller has no such field", place="by", value=field, choices=known)
+        check_known(ScenarioError, field, known, "the controller has no such field", place="by")
         value = getattr(controller, field)
         if not isinstance(value, Batch):
             controller = replace(cast(Any, controller), **{field: Batch(np.asarray(value, dtype=float)[None])})

@@ -3,6 +3,7 @@
 from armwright.spatial.articulated_inertia import ArticulatedInertia, turned_vector
 from armwright.spatial.frozen import Frozen
 from armwright.spatial.inertia import (
+    TENSOR,
     acceleration_tensor,
     displaced_inertia,
     inertia_about_origin,
@@ -28,6 +29,7 @@ from armwright.spatial.rotation import (
 )
 
 __all__ = [
+    "TENSOR",
     "ArticulatedInertia",
     "Frozen",
     "Placement",

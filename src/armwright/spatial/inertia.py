@@ -12,6 +12,9 @@ from armwright import scalar
 from armwright.scalar import Array, Scalar
 from armwright.spatial.rotation import skew
 
+# Entries of a symmetric tensor by name, in the order of records and of the regressor.
+TENSOR = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
+
 
 def acceleration_tensor(w: Array, wd: Array) -> np.ndarray:
     """U = ω̇× + ω×ω×  (3, 3) [1/s²], from angular velocity [rad/s] and acceleration [rad/s²] in the same frame."""

@@ -20,9 +20,16 @@ def in_order(payload: Payload | Sequence[Payload] | None) -> list[Payload]:
     return [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
 
 
-def has_constants(body: Any) -> bool:
-    """True for a joint whose motor's voltage follows from its torque."""
-    return body.drive.resistance is not None and body.drive.torque_constant is not None
+def is_massless(arm: Model) -> bool:
+    """True for an arm whose record does not know the masses of its links."""
+    return bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
+
+
+def without_constants(arm: Model) -> list[str]:
+    """Names of the joints whose motors' voltages do not follow from their torques."""
+    return [
+        body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
+    ]
 
 
 def efforts(
@@ -44,7 +51,7 @@ def efforts(
         payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
         fastest: (n,) largest speeds of the motion; None: of the rows.
     """
-    if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
+    if is_massless(arm):
         return {}
     bodies = in_order(payload)
     force = () if wrench is None else (np.asarray(wrench, dtype=float),)
@@ -59,7 +66,7 @@ def efforts(
         if rows.any():
             parts.append(torques(arm, compile_arm(loaded), q[rows], qd[rows], qdd[rows], *force, fastest=fastest))
     found = Torques(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Torques)))
-    if not all(map(has_constants, arm.coordinates)):
+    if without_constants(arm):
         return {"torque": found}
     dyn = compile_arm(without_servos(arm))
     volts = [dyn.motor_voltage(found.qd, each) for each in (found.tau, found.low, found.high)]

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.poses import check_number
@@ -57,8 +57,7 @@ class InputShaper(Motion):
         if scalar.real_number(self.hz) is None:
             raise ScenarioError(place="InputShaper.hz", value=self.hz, expected="a number above 0")
         check_number("InputShaper", "hz", self.hz, above=0.0)
-        if self.kind not in IMPULSES:
-            raise ScenarioError(place="InputShaper.kind", value=self.kind, choices=tuple(IMPULSES))
+        check_known(ScenarioError, self.kind, IMPULSES, place="InputShaper.kind")
 
     @property
     def impulses(self) -> tuple[np.ndarray, np.ndarray]:

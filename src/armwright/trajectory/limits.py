@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
 
@@ -79,8 +79,7 @@ class MotionLimits:
         """The limits with some replaced, as in `of`."""
         changed = {}
         for name, value in overrides.items():
-            if name not in QUANTITIES:
-                raise ScenarioError("no quantity that has a limit", place="limits", value=name, choices=QUANTITIES)
+            check_known(ScenarioError, name, QUANTITIES, "no quantity that has a limit", place="limits")
             if value is not None:
                 changed[name] = self.read(f"limits.{name}", name, value)
         return replace(self, **changed)
@@ -95,8 +94,7 @@ class MotionLimits:
         if isinstance(value, Mapping):
             limits = record.copy()
             for name, each in value.items():
-                if name not in self.names:
-                    raise ScenarioError("no joint of the arm", place=place, value=name, choices=self.names)
+                check_known(ScenarioError, name, self.names, "no joint of the arm", place=place)
                 limits[self.names.index(name)] = checked_limit(f"{place}[{name!r}]", each, quantity, 1)[0]
             return limits
         return checked_limit(place, value, quantity, self.n)

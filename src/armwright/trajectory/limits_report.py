@@ -16,7 +16,7 @@ from armwright.model.joint_signals import UNITS
 from armwright.model.payload import Payload
 from armwright.results.result import Result, bars_height, draw_bars
 from armwright.results.table import Table, number
-from armwright.trajectory.efforts import efforts, has_constants, in_order
+from armwright.trajectory.efforts import efforts, in_order, without_constants
 from armwright.trajectory.joined import LARGEST_JUMP, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
@@ -530,8 +530,7 @@ def _unchecked(arm: Model, limits: MotionLimits, found: dict[str, np.ndarray], *
         if names and quantity not in found:
             why = "the record has no masses"
             if "torque" in found:
-                without = [body.joint for body in arm.coordinates if not has_constants(body)]
-                why = f"the record has no motor constants of {', '.join(without)}"
+                why = f"the record has no motor constants of {', '.join(without_constants(arm))}"
             said.append(f"{quantity} of {', '.join(names)}: {why}")
     return (*said, *(unchecked_currents(arm) if currents else ()))
 

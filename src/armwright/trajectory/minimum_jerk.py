@@ -65,18 +65,17 @@ class MinimumJerk(PiecewiseMotion):
         def of(duration: float) -> PiecewisePolynomial:
             return PiecewisePolynomial.hermite(self.time + np.array([0.0, duration]), q, qd, qdd)
 
-        if self.limits is None:
-            if self.duration is None:
-                raise ScenarioError("missing", place="MinimumJerk.duration", expected="a duration [s], or limits")
-            check_number("MinimumJerk", "duration", self.duration, above=0.0)
-            self.set_polynomial(of(float(self.duration or 0.0)))
-            return
-        check_limits("MinimumJerk", self.limits)
-        check_states("MinimumJerk", self.limits, q, qd, qdd)
+        if self.limits is not None:
+            check_limits("MinimumJerk", self.limits)
+            check_states("MinimumJerk", self.limits, q, qd, qdd)
         if self.duration is None:
+            if self.limits is None:
+                raise ScenarioError("missing", place="MinimumJerk.duration", expected="a duration [s], or limits")
             object.__setattr__(self, "duration", _shortest(of, self.limits, q, qd, qdd))
         check_number("MinimumJerk", "duration", self.duration, above=0.0)
         self.set_polynomial(of(float(self.duration or 0.0)))
+        if self.limits is None:
+            return
         excess = largest_excess(self.polynomial, self.limits)
         if excess[0] > 1.0 + 1e-9:
             _, quantity, joint = excess

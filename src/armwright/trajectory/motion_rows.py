@@ -35,12 +35,14 @@ MOST_ROWS = 20_000_000
 NEAR = 1e-3  # of a row's time: rows nearer to a break are left away for it
 
 
-def motion_times(motion: Motion, rate: float) -> np.ndarray:
+def motion_times(arm: Model, motion: Motion, rate: float) -> np.ndarray:
     """(k,) [s] times of rows: `rate` a second from the beginning, the breaks of the motion, and its end.
 
     Raises:
-        ScenarioError: a motion that does not end, or too many rows.
+        ScenarioError: a motion of other joints, one that does not end, or too many rows.
     """
+    if motion.n != arm.n:
+        raise ScenarioError(f"a motion of {motion.n} joints", place=arm.name, expected=f"{arm.n}")
     number = rate if isinstance(rate, (int, float)) and not isinstance(rate, bool) else 0.0
     if not 0.0 < number < np.inf:
         raise ScenarioError(place="rate", value=rate, expected="rows in a second, above 0")
@@ -59,9 +61,7 @@ def motion_dataset(
     arm: Model, motion: Motion, rate: float = 500.0, payload: Payload | Sequence[Payload] | None = None
 ) -> xr.Dataset:
     """Rows of a motion like those of a run; of a piecewise polynomial its pieces too. See `Motion.dataset`."""
-    if motion.n != arm.n:
-        raise ScenarioError(f"a motion of {motion.n} joints", place=arm.name, expected=f"{arm.n}")
-    t = motion_times(motion, rate)
+    t = motion_times(arm, motion, rate)
     q, qd, qdd = motion.at(t)
     known = {
         ("tau" if name == "torque" else name): each.tau for name, each in efforts(arm, t, q, qd, qdd, payload).items()
@@ -86,9 +86,7 @@ def save_motion(arm: Model, motion: Motion, path: str | os.PathLike[str], rate: 
         with whole_file(path, ENDINGS) as temporary:
             write_netcdf(dataset, temporary)
         return
-    if motion.n != arm.n:
-        raise ScenarioError(f"a motion of {motion.n} joints", place=arm.name, expected=f"{arm.n}")
-    t = motion_times(motion, rate)
+    t = motion_times(arm, motion, rate)
     columns: dict[str, Any] = {"t [s]": t}
     for name, values in zip(QUANTITIES, motion.at(t), strict=True):
         columns |= joint_columns(name, arm.names, joint_units(arm, name), values)

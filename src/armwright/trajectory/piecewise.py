@@ -159,10 +159,7 @@ class PiecewisePolynomial(Motion):
 
     def derivative(self) -> PiecewisePolynomial:
         """Motion whose positions are the speeds of this one."""
-        order = self.coefficients.shape[2]
-        factors = np.arange(1.0, order)
-        rows = self.coefficients[:, :, 1:] * factors if order > 1 else np.zeros((*self.coefficients.shape[:2], 1))
-        return PiecewisePolynomial(self.knots, rows)
+        return PiecewisePolynomial(self.knots, derived(self.coefficients))
 
     def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         piece = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(self.coefficients) - 1)
@@ -196,9 +193,9 @@ class PiecewisePolynomial(Motion):
         """
         c: Any = self.coefficients
         for _ in range(derivative):
-            c = c[:, :, 1:] * np.arange(1.0, c.shape[2]) if c.shape[2] > 1 else np.zeros((*c.shape[:2], 1))
+            c = derived(c)
         c = c * np.diff(self.knots)[:, None, None] ** np.arange(c.shape[2])  # over s from 0 to 1 within a piece
-        values = _polynomial(c[..., None, :], _turning_points(c))
+        values = polynomial(c[..., None, :], _turning_points(c))
         return values.min(axis=-1), values.max(axis=-1)
 
     def largest(self, derivative: int) -> np.ndarray:
@@ -265,7 +262,14 @@ def _values(coefficients: Array, local: Array) -> tuple[Array, Array, Array]:
     return q, qd, 2.0 * half
 
 
-def _polynomial(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
+def derived(coefficients: np.ndarray) -> np.ndarray:
+    """Coefficients (…, degree) of p', the constant term first; of a constant 0."""
+    order = coefficients.shape[-1]
+    return coefficients[..., 1:] * np.arange(1.0, order) if order > 1 else np.zeros_like(coefficients)
+
+
+def polynomial(coefficients: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Values at s of polynomials (…, degree + 1), the constant term first, by Horner's scheme."""
     value = coefficients[..., -1]
     for d in range(coefficients.shape[-1] - 2, -1, -1):
         value = value * s + coefficients[..., d]
@@ -279,18 +283,16 @@ def _turning_points(c: np.ndarray) -> np.ndarray:
     derivatives are found one after the other, from the one of degree 1 up.
     """
     points = np.broadcast_to(np.array([0.0, 1.0]), (*c.shape[:-1], 2))
-    chain = [c[..., 1:] * np.arange(1.0, c.shape[-1])]
+    chain = [c]
     while chain[-1].shape[-1] > 2:
-        chain.append(chain[-1][..., 1:] * np.arange(1.0, chain[-1].shape[-1]))
-    for each in reversed(chain):
-        if each.shape[-1] < 2:
-            continue
+        chain.append(derived(chain[-1]))
+    for each in reversed(chain[1:]):
         rows = each[..., None, :]
         low, high = points[..., :-1].copy(), points[..., 1:].copy()
-        sign = np.sign(_polynomial(rows, low))
+        sign = np.sign(polynomial(rows, low))
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            same = np.sign(_polynomial(rows, middle)) == sign
+            same = np.sign(polynomial(rows, middle)) == sign
             low, high = np.where(same, middle, low), np.where(same, high, middle)
         points = np.concatenate([points[..., :1], np.sort(low, axis=-1), points[..., -1:]], axis=-1)
     return points

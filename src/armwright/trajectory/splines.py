@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline, make_interp_spline
 from armwright.errors import ScenarioError
 from armwright.trajectory.knot_times import spline_intervals
 from armwright.trajectory.limits import MotionLimits
-from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.piecewise import PiecewisePolynomial, derived, polynomial
 
 CURVES = ("cubic", "natural_cubic", "quintic", "natural_quintic")
 UNEVEN, SHAPED = 0.75, 3  # power of the shortest times, and rounds, of the first intervals
@@ -100,11 +100,8 @@ def _used_of_pieces(curve: str, intervals: np.ndarray, points: np.ndarray, limit
     c: np.ndarray = motion.coefficients
     s, used = intervals[:, None, None] * INSIDE, np.zeros(len(intervals))
     for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
-        c = c[:, :, 1:] * np.arange(1.0, c.shape[2])
-        if np.isinf(most).all():
-            continue
-        values = c[:, :, -1:]
-        for d in range(c.shape[2] - 2, -1, -1):
-            values = values * s + c[:, :, d : d + 1]
-        used = np.maximum(used, (np.abs(values).max(axis=2) / most).max(axis=1) ** (1.0 / order))
+        c = derived(c)
+        if np.isfinite(most).any():
+            largest = np.abs(polynomial(c[:, :, None], s)).max(axis=2)
+            used = np.maximum(used, (largest / most).max(axis=1) ** (1.0 / order))
     return used

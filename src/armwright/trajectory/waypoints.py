@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.trajectory.knot_times import blend_intervals
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -82,8 +82,7 @@ class Waypoints(PiecewiseMotion):
 
     def __post_init__(self) -> None:
         points = _checked_points(self.points)
-        if self.curve not in CHOICES:
-            raise ScenarioError("unknown", place="Waypoints.curve", value=self.curve, choices=CHOICES)
+        check_known(ScenarioError, self.curve, CHOICES, "unknown", place="Waypoints.curve")
         if self.curve == "natural_quintic" and len(points) < 3:
             what, expected = "a natural quintic through two", "three or more, or another curve"
             raise ScenarioError(what, place="Waypoints.points", expected=expected)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.parameters import Batch
 from armwright.simulation.scenario import Scenario
 
@@ -51,8 +51,7 @@ class GainSpace:
         if not isinstance(gains, Mapping) or not gains:
             raise ScenarioError(place="gains", value=gains, expected="bounds by name", choices=tuple(own))
         for name in gains:
-            if name not in own:
-                raise ScenarioError("no gain of the controller", place="gains", value=name, choices=tuple(own))
+            check_known(ScenarioError, name, own, "no gain of the controller", place="gains")
         names = tuple(name for name in own if name in gains)
         ends = [_bounds(name, gains[name], own[name]) for name in names]
         low, high = (np.concatenate([each[k] for each in ends]) for k in (0, 1))

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.paths import split_path
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.model import Model
 from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw, numbers_by_lane, uniform_numbers
@@ -60,8 +60,7 @@ class Uncertainty:
             keys.get(str(name), str(name)): value for name, value in draws.items() if "." not in str(name)
         }
         for name in own:
-            if name not in known:
-                raise ScenarioError("unknown", place="draws", value=name, choices=known)
+            check_known(ScenarioError, name, known, "unknown", place="draws")
         vary = {**own.pop("vary", {}), **{name: value for name, value in draws.items() if "." in str(name)}}
         found = cls(**own, vary=vary)
         for name, (low, high) in {"mass": (0.0, 1.0), "friction": (1.0, np.inf)}.items():

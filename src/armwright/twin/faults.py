@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from armwright.errors import BusError
+from armwright.errors import BusError, check_known
 
 # error codes of CiA 301 and CiA 402; 0x3222 is the undervoltage that users of the LWA 4P report
 UNDERVOLTAGE, OVER_TEMPERATURE, ENCODER, LATE_SYNC = 0x3222, 0x4310, 0x7305, 0x8700
@@ -78,8 +78,7 @@ class Fault:
     amount: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.kind, str) or self.kind not in KINDS:
-            raise BusError(place="fault", value=self.kind, choices=tuple(KINDS))
+        check_known(BusError, self.kind, KINDS, place="fault")
         if not (self.at >= 0.0 and self.size >= 0.0):
             raise BusError(place="fault", value=str(self), expected="a time and an amount of 0 or more")
 

@@ -170,9 +170,8 @@ class LinearLoop:
         assert self.scenario.loop is not None
         n = len(self.names)
         of_motors = self.scenario.loop.joint_sensors.side == "motor" and joint is None
-        shares = (
-            motor_shares(self.scenario.arm) if of_motors else np.eye(n)
-        )  # encoders of coupled motors see several joints
+        # encoders of coupled motors see several joints
+        shares = motor_shares(self.scenario.arm) if of_motors else np.eye(n)
         errors, readings = np.zeros((n, size)), np.zeros((n, size))
         errors[:, place], readings[:, place] = np.linalg.inv(shares).T, shares
         parts = errors[:, :, None] * readings[:, None, :]

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from armwright.control.analysis.regions import GainRegion
 
 COLOURS = ("#9ec9ee", "#4f8fce", "#1f4e8c")  # from the smallest to the largest delay
-OWN = "#e8590c"  # of the loop's own gains: seen on all of these, on light pages and on dark ones
+# of the loop's own gains: seen on all of these, on light pages and on dark ones
+OWN: Any = {"color": "#e8590c", "marker": "x", "markersize": 8, "markeredgewidth": 2.5, "linestyle": "none"}
 COLUMNS = 3
 NEAREST = 0.05  # steps of the grid: so near to a point the drawn edge may pass
 
@@ -53,7 +54,7 @@ def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays
         first, second = each[0].values
         for region, colour in zip(each, COLOURS, strict=False):
             axis.contourf(second, first, edge_distance(region.keeps), levels=[0.0, np.inf], colors=[colour])
-        axis.plot(each[0].own[1], each[0].own[0], "x", color=OWN, markersize=8, markeredgewidth=2.5)
+        axis.plot(each[0].own[1], each[0].own[0], **OWN)
         axis.set(xscale="log", yscale="log", xlim=(second[0], second[-1]), ylim=(first[0], first[-1]))
         for which in (axis.xaxis, axis.yaxis):
             which.set_major_locator(LogLocator(numticks=5))
@@ -70,18 +71,7 @@ def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays
         Patch(color=colour, label=f"{1e3 * delay:.3g} ms of delay")
         for colour, delay in zip(COLOURS, delays, strict=False)
     ]
-    marks.append(
-        Line2D(
-            [],
-            [],
-            color=OWN,
-            marker="x",
-            markeredgewidth=2.5,
-            linestyle="none",
-            markersize=8,
-            label="the scenario's gains",
-        )
-    )
+    marks.append(Line2D([], [], label="the scenario's gains", **OWN))
     figure.legend(
         handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9, labelcolor=ink
     )

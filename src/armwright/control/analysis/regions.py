@@ -14,7 +14,7 @@ from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.workspace import checked_poses
 from armwright.control.gains import gain_units
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.parameters import Batch, numbers_by_lane
 from armwright.results.result import Result
 from armwright.simulation.checks import check_choice
@@ -82,8 +82,7 @@ def gain_region(
     scenario = as_scenario(scenario)
     arm, control = LinearLoop(scenario).scenario.arm, scenario.controller  # which refuses what has no loop
     check_margins(gain_margin, phase_margin)
-    if joint not in arm.names:
-        raise ScenarioError(place="joint", value=joint, expected="a joint", choices=tuple(arm.names))
+    check_known(ScenarioError, joint, arm.names, place="joint", expected="a joint")
     if not isinstance(gains, Mapping) or len(gains) != 2:
         raise ScenarioError(place="gains", value=gains, expected="two gains of the controller, {name: values}")
     known = [each.name for each in fields(control) if _is_gain(control, each.name)] if is_dataclass(control) else []

@@ -58,10 +58,7 @@ SUPPORT = Support(
         ),
         **dict.fromkeys(("wrench", "applied brakes", "supply over time"), "the loop is that without them"),
     },
-    refused={
-        "commands over time": "a loop and its controller",
-        "servos": SERVOS,
-    },
+    refused={"commands over time": "a loop and its controller", "servos": SERVOS},
 )
 
 

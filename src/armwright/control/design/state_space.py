@@ -69,10 +69,7 @@ def _pose(arm: Model, q: Any) -> np.ndarray:
     Raises:
         ScenarioError: another length, or what is not finite.
     """
-    try:
-        pose = scalar.real_numbers(np.zeros(arm.n) if q is None else q)
-    except ValueError:
-        pose = np.zeros(0)
+    pose = scalar.numbers_or_nan(np.zeros(arm.n) if q is None else q)
     if pose.shape != (arm.n,) or not np.isfinite(pose).all():
         raise ScenarioError(place="q", value=q, expected=f"{arm.n} finite numbers: {', '.join(arm.names)}")
     return pose

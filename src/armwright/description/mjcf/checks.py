@@ -35,16 +35,8 @@ SIZES = (
         "jnt_range",
         "jnt_actfrcrange",
     ),
-    *(
-        "dof_armature",
-        "dof_damping",
-        "dof_frictionloss",
-        "site_pos",
-        "actuator_gear",
-        "actuator_gainprm",
-        "actuator_biasprm",
-    ),
-    *("actuator_ctrlrange", "actuator_forcerange"),
+    *("dof_armature", "dof_damping", "dof_frictionloss", "site_pos"),
+    *("actuator_gear", "actuator_gainprm", "actuator_biasprm", "actuator_ctrlrange", "actuator_forcerange"),
 )
 NOT_OFFERED = "not offered"
 

@@ -70,8 +70,4 @@ def mimic_record(model: Any, k: int, master: str, units: JointUnits) -> dict[str
     """`mimic` of the joint that constraint k moves: our q are MuJoCo's, whose line goes through the reference positions."""
     at = [float(model.qpos0[model.jnt_qposadr[int(joint)]]) for joint in (model.eq_obj1id[k], model.eq_obj2id[k])]
     constant, slope = map(float, model.eq_data[k][:2])
-    return {
-        "joint": master,
-        "multiplier": slope,
-        units.key("offset", "position"): at[0] + constant - slope * at[1],
-    }
+    return {"joint": master, "multiplier": slope, units.key("offset", "position"): at[0] + constant - slope * at[1]}

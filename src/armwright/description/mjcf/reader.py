@@ -21,7 +21,7 @@ from armwright.description.paths import UNNAMEABLE
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Findings, Problem
 from armwright.joint_kinds import JointKind, Prismatic, Revolute
-from armwright.spatial import Placement, roll_pitch_yaw
+from armwright.spatial import TENSOR, Placement, roll_pitch_yaw
 from armwright.validation import validated
 
 SOURCE = "mjcf_file"
@@ -143,10 +143,13 @@ class _Reader:
     def _name(self, kind: Any, i: int, word: str) -> str:
         """A body's, joint's or site's name, made where it has none; once each."""
         name = UNNAMEABLE.sub("_", self.mujoco.mj_id2name(self.model, kind, i) or "").strip() or f"{word}{i}"
-        if kind != self.mujoco.mjtObj.mjOBJ_JOINT:
-            while name in self.taken:
-                name += "_"
-            self.taken.add(name)
+        return name if kind == self.mujoco.mjtObj.mjOBJ_JOINT else self._free(name)
+
+    def _free(self, name: str) -> str:
+        """A name that no body or site has yet, taken from now on."""
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
         return name
 
     def _add_body(self, i: int) -> None:
@@ -160,7 +163,7 @@ class _Reader:
             self.inside[i] = Placement.identity()
         for k in range(first, first + count):
             last = k == first + count - 1
-            link = self.bodies[i] if last else self._between(self.bodies[i], k - first + 1)
+            link = self.bodies[i] if last else self._free(f"{self.bodies[i]}_{k - first + 1}")
             axis, reference = model.jnt_axis[k], float(model.qpos0[model.jnt_qposadr[k]])
             hinge = int(model.jnt_type[k]) == int(self.mujoco.mjtJoint.mjJNT_HINGE)
             kind = Revolute() if hinge else Prismatic()
@@ -177,13 +180,6 @@ class _Reader:
         mass = float(model.body_mass[i])
         mass_properties = {"mass_kg": mass, "com_m": inertial.position.tolist(), "inertia_kg_m2": _tensor(tensor)}
         self.links.append({"name": self.bodies[i], **mass_properties})
-
-    def _between(self, body: str, k: int) -> str:
-        name = f"{body}_{k}"
-        while name in self.taken:
-            name += "_"
-        self.taken.add(name)
-        return name
 
     def _add_joint(self, record: dict[str, Any], parent: str, child: str, at: Placement, axis: Any = None) -> None:
         frame = {"xyz_m": at.position.tolist(), "rpy_rad": list(roll_pitch_yaw(at.rotation))}
@@ -257,5 +253,4 @@ def _placement(position: np.ndarray, quaternion: np.ndarray) -> Placement:
 
 def _tensor(tensor: np.ndarray) -> dict[str, float]:
     both = 0.5 * (tensor + tensor.T)
-    pairs = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    return {name: max(float(both[i, j]), 0.0) if i == j else float(both[i, j]) for name, (i, j) in pairs.items()}
+    return {name: max(float(both[i, j]), 0.0) if i == j else float(both[i, j]) for name, (i, j) in TENSOR.items()}

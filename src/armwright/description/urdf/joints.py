@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright.description.urdf.reading import DYNAMICS_ELSEWHERE, LIMITS_ELSEWHERE, UrdfReading
 from armwright.description.xml_tree import Element
+from armwright.errors import check_known
 from armwright.joint_kinds import KINDS, JointUnits
 from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy
 
@@ -32,8 +33,7 @@ def joint_record(reading: UrdfReading, joint: Element) -> dict[str, Any]:
     if kind in ("floating", "planar"):
         why = "not offered: an arm's base is fixed, and its joints turn or slide"
         raise joint.error(why, place=f"{what} type", value=kind)
-    if kind not in TYPES:
-        raise joint.error(place=f"{what} type", value=kind, choices=TYPES)
+    check_known(joint.error, kind, TYPES, place=f"{what} type")
     ends = {}
     for side in ("parent", "child"):
         end = joint.needed(side, what)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from armwright.description.mesh_path import find_mesh, mesh_below
+from armwright.description.robot import MASSLESS
 from armwright.description.urdf.joints import bounded, pose
 from armwright.description.urdf.reading import UrdfReading
 from armwright.description.xml_tree import Element
-from armwright.spatial import rotation_rpy
+from armwright.spatial import TENSOR, rotation_rpy
 
-ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROUNDING = 1e-15  # [kg m²]: a moment of inertia this far below 0 is an exporter's zero
 Colours = dict[str, list[float]]
 SHAPES = ("box", "cylinder", "sphere", "mesh", "capsule")
@@ -34,24 +34,24 @@ def link_record(reading: UrdfReading, link: Element) -> dict[str, Any]:
     inertial = link.one("inertial")
     if inertial is None:
         reading.remark("link", name, "no inertia is stated: massless")
-        return {"name": name, "mass_kg": 0.0, "com_m": [0.0] * 3, "inertia_kg_m2": dict.fromkeys(ENTRIES, 0.0)}
+        return {"name": name, **MASSLESS}
     reading.check_children(inertial)
     mass, frame = reading.attempt(_mass, inertial, what), reading.attempt(pose, inertial.one("origin"))
     tensor_tag = inertial.needed("inertia", what)
-    tensor_tag.only_attributes(*(f"i{entry}" for entry in ENTRIES))
-    entries = bounded(tensor_tag, [tensor_tag.number(f"i{entry}") for entry in ENTRIES])
+    tensor_tag.only_attributes(*(f"i{entry}" for entry in TENSOR))
+    entries = bounded(tensor_tag, [tensor_tag.number(f"i{entry}") for entry in TENSOR])
     frame = frame or pose(None)
     if any(frame["rpy_rad"]):
         entries = _turned(entries, rotation_rpy(*frame["rpy_rad"]))
     entries = [
         0.0 if entry in ("xx", "yy", "zz") and -ROUNDING < value < 0 else value
-        for entry, value in zip(ENTRIES, entries, strict=True)
+        for entry, value in zip(TENSOR, entries, strict=True)
     ]
     if min(entries[0], entries[3], entries[5]) < 0:
         moments = [entries[k] for k in (0, 3, 5)]
         expected = "moments of inertia of 0 or more [kg m²] in link axes"
         raise tensor_tag.error(place=f"{what} inertia", value=moments, expected=expected)
-    tensor = dict(zip(ENTRIES, entries, strict=True))
+    tensor = dict(zip(TENSOR, entries, strict=True))
     return {"name": name, "mass_kg": mass, "com_m": frame["xyz_m"], "inertia_kg_m2": tensor}
 
 
@@ -69,7 +69,7 @@ def _turned(entries: list[float], rotation: np.ndarray) -> list[float]:
     """R I Rᵀ."""
     xx, xy, xz, yy, yz, zz = entries
     tensor = rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ rotation.T
-    return [float(0.5 * (tensor[i, j] + tensor[j, i])) for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+    return [float(0.5 * (tensor[i, j] + tensor[j, i])) for i, j in TENSOR.values()]
 
 
 def _check_oddities(reading: UrdfReading, link: Element, what: str) -> None:

@@ -17,7 +17,7 @@ from armwright.description.urdf.links import colours, link_record, visuals
 from armwright.description.urdf.reading import GAZEBO_ELEMENTS, GAZEBO_PHYSICS, READ, UrdfReading
 from armwright.description.urdf.transmissions import reductions
 from armwright.description.xml_tree import Element, read_xml
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.joint_kinds import KINDS
 from armwright.validation import validated
 
@@ -53,8 +53,7 @@ def read_urdf(
     Raises:
         DescriptionError: an invalid file; one line with file, line, element and reason.
     """
-    if mimic not in MIMIC:
-        raise DescriptionError(place="mimic", value=mimic, choices=MIMIC)
+    check_known(DescriptionError, mimic, MIMIC, place="mimic")
     check_smoothing(smoothing)
     file = Path(path)
     robot = read_xml(file)
@@ -155,8 +154,7 @@ def _root(robot: Element) -> str:
         for side in ("parent", "child"):
             end = joint.needed(side, f"joint {name!r}")
             linked = end.word("link", f"joint {name!r} <{side}>")
-            if linked not in links:
-                raise end.error("no link", place=f"joint {name!r} {side}", value=linked, choices=links)
+            check_known(end.error, linked, links, "no link", place=f"joint {name!r} {side}")
         child = joint.needed("child").word("link")
         if child in movers:
             what = f"the child of two joints, {movers[child]!r} and {name!r}: closed chains are not offered"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.export.c import files_to_write
 from armwright.export.c_header import export_name
 from armwright.export.controller.build_files import cmake, readme
@@ -120,8 +120,7 @@ def export_controller(
         ['hold.h', 'hold.c', 'hold_selftest.c']
     """
     scenario = as_scenario(scenario)
-    if real not in REALS:
-        raise ModelError(place="real", value=real, choices=REALS)
+    check_known(ModelError, real, REALS, place="real")
     if real == "float" and find_compiler() is None:
         raise ModelError("needs a C compiler to say what it costs", place="real", value=real, expected="'double'")
     for place, value in (("ticks", ticks), ("ram", ram), ("flash", flash)):

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from armwright.entry import as_arm
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.export.fmu.build import PLATFORMS, build, chosen_platforms
 from armwright.export.fmu.continuous import continuous_model, continuous_source
 from armwright.export.fmu.description import VERSIONS, Description, build_description, model_description
@@ -109,8 +109,7 @@ def export_fmu(
         ("version", version, VERSIONS),
         ("interface", interface, INTERFACES),
     ):
-        if value not in choices:
-            raise ModelError(place=place, value=value, choices=choices)
+        check_known(ModelError, value, choices, place=place)
     identifier = _identifier(path, name)
     targets = chosen_platforms(platforms)
     scenario = source if isinstance(source, Scenario) else Scenario(as_arm(source, "source"), loop=Loop(period=PERIOD))

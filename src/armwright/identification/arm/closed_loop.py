@@ -24,7 +24,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import sosfiltfilt
 
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import rms
 from armwright.identification.arm.base import BaseParameters
@@ -208,8 +208,7 @@ def fit_closed_loop(
     Raises:
         IdentificationError: a simulated loop that diverges, too few rows, parameters that the motion does not determine.
     """
-    if method not in CLOSED_LOOP:
-        raise IdentificationError(place="method", value=method, choices=CLOSED_LOOP)
+    check_known(IdentificationError, method, CLOSED_LOOP, place="method")
     of_positions = method == "cloe"
     tau = np.concatenate([s.q if of_positions else s.tau - _known(model, s, feedback, method) for s in samples])
     if len(tau) * model.arm.n <= len(base):

@@ -37,7 +37,7 @@ from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
-from armwright.model.tree import TENSOR
+from armwright.spatial import TENSOR
 
 # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
 KEPT_VALUES = 2**24
@@ -169,7 +169,7 @@ def _known_parameters(
         if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T):
             raise IdentificationError(place="inertia", value=tensor.tolist(), expected="(3, 3), symmetric [kg m²]")
         tensor = tensor + mass * (c @ c * np.eye(3) - np.outer(c, c))
-        known[4:] = [tensor[place] for place in TENSOR]
+        known[4:] = [tensor[place] for place in TENSOR.values()]
     return known
 
 

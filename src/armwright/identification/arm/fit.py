@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from armwright.actuators.friction import by_loads
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.fitting.covariance import correlated, inverse_of
 from armwright.fitting.measures import r_squared
 from armwright.fitting.triangular import triangle
@@ -214,8 +214,7 @@ def fit_robust(
     Raises:
         IdentificationError: an unknown weight, or as `fit_arm`.
     """
-    if weight not in ROBUST:
-        raise IdentificationError(place="weight", value=weight, choices=ROBUST)
+    check_known(IdentificationError, weight, ROBUST, place="weight")
     fit, law = fit_arm(equations, base), OutlierWeights("huber", np.ones(1))
     for name in ROBUST[: ROBUST.index(weight) + 1]:
         for _ in range(ROBUST_PASSES):

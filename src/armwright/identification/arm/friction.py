@@ -18,7 +18,7 @@ from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
-from armwright.errors import IdentificationError, Interrupted
+from armwright.errors import IdentificationError, Interrupted, check_known
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.friction_laws import law_of_keys
@@ -186,8 +186,7 @@ def identify_friction(
     log = as_log(log)
     arm = as_arm(arm)
     for each in candidates:
-        if each not in CANDIDATES:
-            raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
+        check_known(IdentificationError, each, CANDIDATES, "unknown", place="candidates")
     log = checked(log, arm)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}

@@ -22,7 +22,7 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.actuators.gear import gear_loss, loses_power
 from armwright.description.paths import path_name
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.identification.arm.base import BaseParameters, base_parameters
 from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import ArmFit, fit_arm
@@ -220,8 +220,7 @@ def _chosen(linear: TorqueModel, names: Collection[str]) -> tuple[int, ...]:
     """Numbers of the motors whose efficiency is to be fitted."""
     arm = linear.arm
     for name in names:
-        if name not in arm.names:
-            raise IdentificationError("unknown", place="fit_efficiency", value=name, choices=arm.names)
+        check_known(IdentificationError, name, arm.names, "unknown", place="fit_efficiency")
         if isinstance(arm.coordinates[arm.names.index(name)].drive.efficiency, EfficiencyTable):
             what = f"joint {name!r} has a gear_efficiency_table, of which a log tells no single number"
             expected = "gear_efficiency in the record, or the table as it is, without fit_efficiency"

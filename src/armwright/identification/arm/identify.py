@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from armwright.entry import as_arm, as_log, expect
-from armwright.errors import IdentificationError, Interrupted
+from armwright.errors import IdentificationError, Interrupted, check_known
 from armwright.identification.arm.arm_estimate import ArmEstimate
 from armwright.identification.arm.arm_record import RecordParameters, record_parameters
 from armwright.identification.arm.bootstrap import block_bootstrap
@@ -86,11 +86,9 @@ def identify_arm(
         >>> aw.identification.identify_arm(log, arm, friction=()).verdict
         'identified'
     """
-    if method not in METHODS:
-        raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
+    check_known(IdentificationError, method, METHODS, place="method")
     for name in checks:
-        if name not in CHECKS:
-            raise IdentificationError(place="checks", value=name, choices=CHECKS)
+        check_known(IdentificationError, name, CHECKS, place="checks")
     terms, rows = ArmTerms() if terms is None else terms, FitRows() if rows is None else rows
     expect(terms, ArmTerms, "terms", "an aw.identification.ArmTerms", IdentificationError)
     expect(rows, FitRows, "rows", "an aw.identification.FitRows", IdentificationError)

@@ -51,8 +51,8 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.validation.comparison import NO_VERDICT, judged_on_torques
 from armwright.model import BASE, Model
-from armwright.model.tree import TENSOR
 from armwright.progress import Shown, automatic
+from armwright.spatial import TENSOR
 
 SUPPORT = replace(
     MEASURED,
@@ -408,7 +408,7 @@ def _numbers(parameters: np.ndarray) -> np.ndarray:
         return np.asarray(parameters)
     c = [h[k] / m for k in range(3)]
     square = sum(h[k] * c[k] for k in range(3))
-    tensor = [parameters[4 + k] - (square if i == j else 0.0) + h[i] * c[j] for k, (i, j) in enumerate(TENSOR)]
+    tensor = [parameters[4 + k] - (square if i == j else 0.0) + h[i] * c[j] for k, (i, j) in enumerate(TENSOR.values())]
     return scalar.array([m, *c, *tensor])
 
 
@@ -426,7 +426,7 @@ def with_identified_payload(arm: Model, estimate: Estimate, frame: str | None = 
         raise IdentificationError("not identified", place=NAMES[0], expected="a mass")
     tensor = np.zeros((3, 3))
     if known.all():
-        for k, (i, j) in enumerate(TENSOR, start=4):
+        for k, (i, j) in enumerate(TENSOR.values(), start=4):
             tensor[i, j] = tensor[j, i] = estimate.values[k]
     centre = np.where(known[1:4], estimate.values[1:4], 0.0)
     return arm.with_payload(estimate.values[0], centre, tensor, frame, source="fit")

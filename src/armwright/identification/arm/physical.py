@@ -25,7 +25,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from armwright.errors import IdentificationError
-from armwright.model.tree import TENSOR
+from armwright.spatial import TENSOR
 
 PER_LINK = 10  # [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], about the link frame's origin
 # smallest eigenvalue of a pseudo-inertia in its units, by the largest: no more than the solver's rounding
@@ -46,7 +46,7 @@ def _pseudo_inertia_basis() -> np.ndarray:
     basis[0, 3, 3] = 1.0
     for i in range(3):
         basis[1 + i, i, 3] = basis[1 + i, 3, i] = 1.0
-    for k, (i, j) in enumerate(TENSOR, start=4):
+    for k, (i, j) in enumerate(TENSOR.values(), start=4):
         basis[k, i, j] = basis[k, j, i] = -1.0
         if i == j:
             basis[k, :3, :3] += 0.5 * np.eye(3)

@@ -20,7 +20,7 @@ from armwright.actuators.coupling import shares_of
 from armwright.actuators.friction import by_loads
 from armwright.description.paths import path_name
 from armwright.entry import as_arm
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.features import Support
 from armwright.friction_laws import LAWS
 from armwright.friction_laws.levels import smooth_sign
@@ -165,8 +165,7 @@ class TorqueModel:
         Raises:
             IdentificationError: no column has that name.
         """
-        if name not in self.names:
-            raise IdentificationError("no such column", place="column", value=name, choices=self.names)
+        check_known(IdentificationError, name, self.names, "no such column", place="column")
         return self.names.index(name)
 
     def rows(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -294,8 +293,7 @@ def _check(
     terms = (("friction", friction, FRICTION), ("lacks", lacks, LACKS), ("springs", springs, arm.names))
     for place, given, known in terms:
         for each in given:
-            if each not in known:
-                raise IdentificationError("unknown", place=place, value=each, choices=known)
+            check_known(IdentificationError, each, known, "unknown", place=place)
     if "asymmetric" in friction and {"coulomb", "offset"} & set(friction):
         raise IdentificationError(
             "stands for coulomb and offset together", place="friction", value="asymmetric", expected="one or the other"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.identification.arm.base import BaseParameters, base_parameters
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
@@ -40,8 +40,7 @@ class BaseRegressor:
             ScenarioError: an unknown drive term.
         """
         for k, each in enumerate(drives):
-            if each not in DRIVES:
-                raise ScenarioError("unknown", place=f"drives[{k}]", value=each, choices=DRIVES)
+            check_known(ScenarioError, each, DRIVES, "unknown", place=f"drives[{k}]")
         lacks = () if "rotor" in drives else ("rotors",)
         model = torque_model(arm, friction=[each for each in USUAL_FRICTION if each in drives], lacks=lacks)
         return cls(model, base_parameters(model), smoothing)

@@ -26,7 +26,7 @@ import numpy as np
 from scipy.linalg import block_diag, null_space
 
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import Interrupted, ScenarioError
+from armwright.errors import Interrupted, ScenarioError, check_known
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import Criterion, condition_number, criterion_function
 from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
@@ -262,8 +262,7 @@ def _check(cycle: Any, harmonics: Any, starts: Any, criterion: Any, seed: Any) -
     for name, value, least, most in numbers:
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
             raise ScenarioError(place=name, value=value, expected=f"a whole number, {least} … {most}")
-    if criterion not in MINIMISED:
-        raise ScenarioError("unknown", place="criterion", value=criterion, choices=MINIMISED)
+    check_known(ScenarioError, criterion, MINIMISED, "unknown", place="criterion")
 
 
 def _smoothing(limits: ExcitationLimits, cycle: float, harmonics: int) -> np.ndarray:

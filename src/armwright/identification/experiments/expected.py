@@ -14,7 +14,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.entry import as_arm
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.fitting.directions import Direction, directions_of, listed
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import column_norms, scaled
@@ -282,8 +282,7 @@ def _of_scenario(name: str, scenario: Any, by: Sequence[str], noise: Any) -> Exp
     information = np.zeros((len(names), len(names)))
     for signal, std in noise.items():
         known = [str(each).removeprefix("d_") for each in dataset.data_vars if str(each).startswith("d_")]
-        if signal not in known:
-            raise IdentificationError("not simulated", place="noise", value=signal, choices=known)
+        check_known(IdentificationError, signal, known, "not simulated", place="noise")
         jacobian = dataset[f"d_{signal}"].values.reshape(-1, len(names)) / _std(f"noise[{signal!r}]", std)
         information += jacobian.T @ jacobian
     rows = {row.name: row for row in scenario.arm.parameters}

@@ -13,6 +13,7 @@ from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 from armwright.model.changes import without_servos
+from armwright.trajectory.efforts import is_massless, without_constants
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.rest import torques
 
@@ -129,10 +130,7 @@ def _positions(arm: Model, limits: MotionLimits, reasons: list[str]) -> np.ndarr
 
 def _drop_unknown(arm: Model, most: dict[str, np.ndarray], record: MotionLimits, reasons: list[str]) -> None:
     """Removes torque and voltage limits that the record is not complete enough to check, and says why."""
-    massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
-    dark = [
-        body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
-    ]
+    massless, dark = is_massless(arm), without_constants(arm)
     for quantity, unknown in (("torque", massless), ("voltage", massless or bool(dark))):
         if not unknown:
             continue

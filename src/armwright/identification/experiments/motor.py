@@ -14,7 +14,7 @@ import numpy as np
 from scipy import signal
 
 from armwright import scalar
-from armwright.errors import ModelError, ScenarioError
+from armwright.errors import ModelError, ScenarioError, check_known
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.results.csv_tables import write_table
@@ -89,8 +89,7 @@ class MotorGuess:
             ModelError: no such joint, or a drive without its constants or limits.
         """
         name = arm.names[0] if joint is None else joint
-        if name not in arm.names:
-            raise ModelError("no joint of the arm", place="joint", value=name, choices=arm.names)
+        check_known(ModelError, name, arm.names, "no joint of the arm", place="joint")
         k = arm.names.index(name)
         body, pose = arm.coordinates[k], np.zeros(arm.n) if q is None else np.asarray(q, dtype=float)
         drive, limits, friction = body.drive, body.limits, body.friction
@@ -208,8 +207,7 @@ def motor_experiment(kind: str, guess: MotorGuess, *, period: float = 1e-3, seed
         >>> test.kind
         'step'
     """
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ScenarioError("unknown", place="kind", value=kind, choices=tuple(KINDS))
+    check_known(ScenarioError, kind, KINDS, "unknown", place="kind")
     number = scalar.real_number(period)
     if number is None or not 0.0 < number <= guess.time_constant:
         expected = f"a time above 0, up to the time constant {guess.time_constant:g} s"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.paths import path_name
-from armwright.errors import IdentificationError, ModelError
+from armwright.errors import IdentificationError, ModelError, check_known
 from armwright.identification.geometry.chain import Constant, Correction, Factor, Motion, Weight, matrix_of
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import BASE, Model
@@ -229,8 +229,7 @@ def checked_terms(terms: Sequence[str], arm: Model) -> tuple[str, ...]:
     if isinstance(terms, str) or not isinstance(terms, Sequence) or not terms:
         raise IdentificationError(place="terms", value=terms, expected=f"some of {', '.join(TERMS)}")
     for term in terms:
-        if term not in TERMS:
-            raise IdentificationError("no such term", place="terms", value=term, choices=TERMS)
+        check_known(IdentificationError, term, TERMS, "no such term", place="terms")
     found = tuple(term for term in TERMS if term in terms)
     if not has_masses(arm) and any("compliance" in term for term in found):
         raise IdentificationError(

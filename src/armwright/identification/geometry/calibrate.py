@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armwright.entry import AnyArm, as_arm, expect
-from armwright.errors import IdentificationError, LogError
+from armwright.errors import IdentificationError, LogError, check_known
 from armwright.fitting.directions import MEANINGLESS, directions, in_words, scaled
 from armwright.identification.estimate import Estimate, Verdict
 from armwright.identification.geometry.arm_chain import STORED, TERMS, checked_terms, has_masses
@@ -88,8 +88,7 @@ def calibrate(
         measurements = read_measurements(measurements)
     model = given if isinstance(given, Model) else _loaded(measurements, given)
     terms = checked_terms(terms, model)
-    if loss not in STAGES:
-        raise IdentificationError(place="loss", value=loss, choices=tuple(STAGES))
+    check_known(IdentificationError, loss, STAGES, place="loss")
     count = two_or_more("folds", folds)
     setting = setting_of(model, measurements, terms)
     fit, plain, tried = chosen_fit(setting, loss, count)

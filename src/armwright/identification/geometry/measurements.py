@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.scalar import real_numbers
@@ -50,8 +50,7 @@ class Measured:
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise LogError(place="Measured.name", value=self.name, expected="a name")
-        if not isinstance(self.kind, str) or self.kind not in WIDTHS:
-            raise LogError(place=f"{self.name}: kind", value=self.kind, choices=tuple(WIDTHS))
+        check_known(LogError, self.kind, WIDTHS, place=f"{self.name}: kind")
         values = _array(f"{self.name}: values", self.values, (None, WIDTHS[self.kind]), MEANINGS[self.kind])
         if np.isinf(values).any():
             raise LogError("infinite", place=f"{self.name}: values", expected="numbers, or NaN where none was measured")

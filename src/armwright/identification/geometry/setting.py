@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.paths import quantities
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, check_known
 from armwright.identification.arm.base import NEARLY, BaseParameters, regrouped, regrouped_further
 from armwright.identification.geometry import start
 from armwright.identification.geometry.arm_chain import AXES, ORDER, ArmChains, Columns, GeometryColumn
@@ -101,8 +101,7 @@ def positions(arm: Model, measurements: Measurements) -> np.ndarray:
         IdentificationError: a name that is no joint.
     """
     for name in (*measurements.joints, *measurements.locked):
-        if name not in arm.names:
-            raise IdentificationError(f"no joint of {arm.name!r}", place="joint", value=name, choices=tuple(arm.names))
+        check_known(IdentificationError, name, arm.names, f"no joint of {arm.name!r}", place="joint")
     q = np.zeros((len(measurements), arm.n))
     for name, value in measurements.locked.items():
         q[:, arm.names.index(name)] = value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
 from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
 from armwright.identification.linear.model import LinearModel
@@ -25,8 +25,7 @@ def check_model(model: str, beside: tuple[str, ...] = ()) -> None:
     Raises:
         LogError: with the names that there are.
     """
-    if model not in (*beside, *MODELS):
-        raise LogError("no such model", place="model", value=model, choices=(*beside, *MODELS))
+    check_known(LogError, model, (*beside, *MODELS), "no such model", place="model")
 
 
 def fit_linear(

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.entry import expect
-from armwright.errors import Interrupted, LogError
+from armwright.errors import Interrupted, LogError, check_known
 from armwright.identification.linear import subspace
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
@@ -68,8 +68,7 @@ class SubspaceMethod:
     direct: bool = False
 
     def __post_init__(self) -> None:
-        if self.weighting not in ("cva", "moesp"):
-            raise LogError(place="weighting", value=self.weighting, choices=("cva", "moesp"))
+        check_known(LogError, self.weighting, ("cva", "moesp"), place="weighting")
         if not isinstance(self.direct, bool):
             raise LogError(place="direct", value=self.direct, expected="True or False")
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.entry import as_log, expect
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.fitting.measures import runs_of_true
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
@@ -180,8 +180,7 @@ def _of_log(log: Log, signals: LogSignals) -> Records:
         raise LogError("is both input and output", place="output", value=both[0])
     joints = [signals.joint] if isinstance(signals.joint, str) else list(signals.joint or ())
     for name in joints:
-        if name not in log.joints:
-            raise LogError("no joint of the log", place="joint", value=name, choices=log.joints)
+        check_known(LogError, name, log.joints, "no joint of the log", place="joint")
     if not joints:
         of_signals = [log.layout[signal].joints or () for signal in (*inputs, *outputs)]
         joints = [name for k, name in enumerate(log.joints) if all(k in own for own in of_signals)]

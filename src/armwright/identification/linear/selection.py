@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright.errors import Interrupted, LogError
+from armwright.errors import Interrupted, LogError, check_known
 from armwright.identification.linear.held import HeldFit, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
     Orders,
@@ -57,8 +57,7 @@ class OrderSearch:
     most_delay: int = 25
 
     def __post_init__(self) -> None:
-        if self.select not in CRITERIA:
-            raise LogError(place="select", value=self.select, choices=CRITERIA)
+        check_known(LogError, self.select, CRITERIA, place="select")
         for place, value, least in (("most_order", self.most_order, 1), ("most_delay", self.most_delay, 0)):
             if value is not None and (not isinstance(value, (int, np.integer)) or not least <= value <= 1000):
                 raise LogError(place=place, value=value, expected=f"a whole number from {least} on")

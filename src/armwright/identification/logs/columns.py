@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.errors import LogError, Problem
+from armwright.errors import LogError, Problem, check_known
 from armwright.identification.logs.clocks import Clock
 from armwright.identification.logs.log_file import LogTable, SignalTable
 from armwright.identification.logs.measured_table import MeasuredTable
@@ -96,8 +96,7 @@ def joint_numbers(signal: SignalTable, joints: tuple[str, ...], place: str) -> l
         expected = f"{len(names)}, for {', '.join(names)}; or joints = [...]"
         raise LogError(f"{len(signal.columns)} columns", place=f"{place}.columns", expected=expected)
     for name in names:
-        if name not in joints:
-            raise LogError("no joint of the log", place=f"{place}.joints", value=name, choices=joints)
+        check_known(LogError, name, joints, "no joint of the log", place=f"{place}.joints")
     return [joints.index(name) for name in names]
 
 
@@ -118,8 +117,7 @@ def unit_of(signal: SignalTable, table: MeasuredTable, place: str) -> str:
         what = "missing" if "" in units else f"columns in {' and '.join(sorted(units))}: a table for each unit"
         raise LogError(what, place=f"{place}.unit", expected=f"one of {', '.join(kind.units)}")
     unit = units.pop()
-    if unit not in kind.units:
-        raise LogError(f"no unit of a {signal.quantity}", place=f"{place}.unit", value=unit, choices=kind.units)
+    check_known(LogError, unit, kind.units, f"no unit of a {signal.quantity}", place=f"{place}.unit")
     for name, those in (("counts_per_turn", COUNTS), ("rated", tuple(SHARES))):
         if unit in those and getattr(signal, name) is None:
             raise LogError("missing", place=f"{place}.{name}", expected=f"numbers, as the unit is {unit}")

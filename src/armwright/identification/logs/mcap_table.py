@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.identification.logs.log_file import FileTable
 from armwright.identification.logs.measured_table import MeasuredTable, as_log_error
 from armwright.reading import opened
@@ -53,10 +53,7 @@ class McapTable(MeasuredTable):
         if topic is None:
             what = "several topics of sensor_msgs/JointState" if names else "no topic of sensor_msgs/JointState"
             raise LogError(what, place="topic", expected=f"one of {', '.join(names)}" if names else "", file=self.path)
-        if topic not in names:
-            raise LogError(
-                "no topic of sensor_msgs/JointState", place="topic", value=topic, choices=names, file=self.path
-            )
+        check_known(LogError, topic, names, "no topic of sensor_msgs/JointState", place="topic", file=self.path)
         return topic
 
     def blocks(self, columns: Sequence[int | str], rows: int) -> Iterator[list[np.ndarray]]:

@@ -16,7 +16,7 @@ import numpy as np
 from scipy import signal as sp
 
 from armwright.entry import AnyLog, as_log
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.fitting.measures import periods_of_rest
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import corners
@@ -160,8 +160,7 @@ def choose_preparation(
     if not isinstance(order, int) or not 1 <= order <= 10:
         raise LogError(place="order", value=order, expected="a whole number from 1 to 10")
     differentiation = differentiation or ("three rows" if log.held else "central")
-    if differentiation not in BESIDE:
-        raise LogError(place="differentiation", value=differentiation, choices=tuple(BESIDE))
+    check_known(LogError, differentiation, BESIDE, place="differentiation")
     if decimate is not None and (not isinstance(decimate, int) or not 1 <= decimate <= fewest_rows(rate, cutoff)):
         expected = f"1 to {fewest_rows(rate, cutoff)}: a rate of twice the cut-off at least"
         raise LogError(place="decimate", value=decimate, expected=expected)

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.entry import expect_names
-from armwright.errors import LogError
+from armwright.errors import LogError, check_known
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
@@ -87,8 +87,7 @@ class MotorReading:
     def __post_init__(self) -> None:
         expect_names(self.runs, "runs", LogError)
         expect_names(self.signals, "signals", LogError)
-        if self.speed not in SPEEDS:
-            raise LogError(place="speed", value=self.speed, choices=SPEEDS)
+        check_known(LogError, self.speed, SPEEDS, place="speed")
 
 
 @dataclass(frozen=True, eq=False)

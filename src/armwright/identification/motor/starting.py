@@ -12,7 +12,7 @@ from armwright.description.database import read_description
 from armwright.description.paths import path_name
 from armwright.description.record_of import record_of
 from armwright.description.robot import RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.identification.logs.log import Log
 from armwright.identification.motor.bench import LOCKED, bench_record, decoupled_record
 from armwright.identification.motor.drive_record import complete, paths_of, value_at, with_numbers
@@ -74,8 +74,7 @@ def _loads(joints: Sequence[str], load: float | Loads | None, locked: bool) -> L
         return dict.fromkeys(joints, LOCKED)
     given = load if isinstance(load, Mapping) else dict.fromkeys(joints, load)
     for name in given:
-        if name not in joints:
-            raise ModelError("no joint that is fitted", place="load", value=name, choices=joints)
+        check_known(ModelError, name, joints, "no joint that is fitted", place="load")
     found = {}
     for name in joints:
         number = real_number(given.get(name))

@@ -18,7 +18,7 @@ import numpy as np
 
 from armwright.description.database import parse
 from armwright.description.robot import RobotDescription
-from armwright.errors import LogError, ModelError
+from armwright.errors import LogError, ModelError, check_known
 from armwright.identification.servo.bench_log import BenchLog
 from armwright.scalar import real_number
 
@@ -78,8 +78,7 @@ class ServoLoop:
             number = real_number(value)
             if value is not None and (number is None or not number > 0.0):
                 raise ModelError(place=name, value=value, expected="a number above 0")
-        if self.output not in ("duty", "current"):
-            raise ModelError(place="output", value=self.output, choices=("duty", "current"))
+        check_known(ModelError, self.output, ("duty", "current"), place="output")
 
 
 def known_loops() -> dict[str, ServoLoop]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright.description.paths import unit_at
 from armwright.entry import expect
-from armwright.errors import Interrupted, ModelError
+from armwright.errors import Interrupted, ModelError, check_known
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.identification.estimate import Estimate
@@ -67,8 +67,7 @@ class ServoSearch:
             if not isinstance(values, (list, tuple)) or (place == "orders" and not values):
                 raise ModelError(place=place, value=values, expected="a list of names", choices=choices)
             for value in values:
-                if value not in choices:
-                    raise ModelError(place=place, value=value, choices=choices)
+                check_known(ModelError, value, choices, place=place)
 
 
 USUAL = ServoSearch()

@@ -23,9 +23,8 @@ from armwright.model import Model
 from armwright.spatial import Placement
 
 JOINTS = 6
-TOLERANCE = (
-    1e-9  # angles [rad], and lengths as a share of the arm's reach, within which axes count as parallel or meeting
-)
+# angles [rad], and lengths as a share of the arm's reach, within which axes count as parallel or meeting
+TOLERANCE = 1e-9
 NEARLY = 2e-3  # the same of an arm whose branches are polished: the 1.57 or 3.14 that some files have
 TRIED, AGREE = 8, 1e-6  # positions at which a decomposition is tried before it is used; how near it must come
 AGREE_NEARLY = 0.05  # [rad]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
+from armwright.description.consistency import carrier
 from armwright.description.robot import Joint, RobotDescription
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.model.build import tree_of
 from armwright.model.cylinder_lengths import is_stretched
 from armwright.quantity import Quantity, Record
@@ -51,20 +52,13 @@ def moving_cylinders(
     Args:
         robot: the whole arm.   joints: those that are left.   base: theirs.   held: positions of those that move no more.
     """
-    fixed = {joint.child: joint.parent for joint in joints if not joint.kind.moves}
     there = {base, *(joint.child for joint in joints)}
-
-    def rigid(link: str) -> str:
-        while link in fixed:
-            link = fixed[link]
-        return link
-
     tree = tree_of(robot)
     return tuple(
         record
         for record, cylinder in zip(robot.cylinders, tree.cylinders, strict=True)
         if {record.link_a, record.link_b} <= there
-        and rigid(record.link_a) != rigid(record.link_b)
+        and carrier(joints, record.link_a) != carrier(joints, record.link_b)
         and is_stretched(tree, cylinder, held)
     )
 
@@ -76,14 +70,9 @@ def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[s
         DescriptionError: with the known names.
     """
     known = list(known)
-    if name not in known:
-        raise DescriptionError("unknown", place=place, value=name, choices=known, file=robot.name)
+    check_known(DescriptionError, name, known, "unknown", place=place, file=robot.name)
 
 
 def tip_of(robot: RobotDescription) -> str | None:
     """The tip's name: as the description has it, or the last link of a chain."""
-    if robot.tip is not None:
-        return robot.tip
-    parents = {joint.parent for joint in robot.joints}
-    ends = [link.name for link in robot.links if link.name not in parents]
-    return ends[0] if len(ends) == 1 else None
+    return robot.end_of_chain if robot.tip is None else robot.tip

@@ -8,14 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.robot import (
-    FixedDH,
-    FixedJoint,
-    Joint,
-    JointFrame,
-    MovingJoint,
-    RobotDescription,
-)
+from armwright.description.robot import FixedDH, FixedJoint, Joint, JointFrame, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.variants.edits import check_name, checked, chosen, moving_cylinders, replaced
 from armwright.quantity import Quantity

@@ -10,6 +10,7 @@ from armwright import scalar
 from armwright.description.robot import FixedJoint, Inertia, JointFrame, Link, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.variants.edits import CHOSEN, check_name, checked, replaced, tip_of
+from armwright.spatial import TENSOR
 
 
 def with_payload(
@@ -46,8 +47,7 @@ def with_payload(
     if name in ends or name in {joint.name for joint in robot.joints}:
         raise DescriptionError("the arm has this name already", place=place, expected="another name", file=robot.name)
     tensor = _tensor(place, inertia)
-    entries = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    moments = checked(Inertia, place, **{entry: float(tensor[i, j]) for entry, (i, j) in entries.items()})
+    moments = checked(Inertia, place, **{name: float(tensor[entry]) for name, entry in TENSOR.items()})
     try:
         link = checked(Link, place, name=name, mass_kg=mass, com_m=com, inertia_kg_m2=moments, source=source)
     except DescriptionError as error:  # in the words of the caller, who gave no units
@@ -64,10 +64,7 @@ def with_payload(
 
 def _tensor(place: str, inertia: Any) -> np.ndarray:
     """(3, 3), symmetric."""
-    try:
-        tensor = scalar.real_numbers(inertia)
-    except ValueError:  # rows of unequal length, or no numbers
-        tensor = np.zeros(0)
+    tensor = scalar.numbers_or_nan(inertia)
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):
         expected = "a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"

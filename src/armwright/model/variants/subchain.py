@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, JointFrame, Link, NamedFrame, RobotDescription
+from armwright.description.robot import MASSLESS, FixedJoint, JointFrame, Link, NamedFrame, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.build import STANDARD_GRAVITY, tree_of
 from armwright.model.tree import BASE, Tree
@@ -121,8 +121,7 @@ def _carrier(robot: RobotDescription, place: str, start: str) -> Link:
     """The link that carries a frame; the old base has no mass that anybody knows, and needs none."""
     if start != robot.base:
         return robot.link(start)
-    zero = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
-    return checked(Link, place, name=start, source=CHOSEN, mass_kg=0.0, com_m=(0.0, 0.0, 0.0), inertia_kg_m2=zero)
+    return checked(Link, place, name=start, source=CHOSEN, **MASSLESS)
 
 
 def _at_zero(model: Tree, name: str) -> Placement:

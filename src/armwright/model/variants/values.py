@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.description.paths import path_name, quantities, reading_at
 from armwright.description.robot import RobotDescription
-from armwright.errors import DescriptionError, Problem
+from armwright.errors import DescriptionError, Problem, check_known
 from armwright.model.variants.edits import CHOSEN, replaced
 from armwright.quantity import Quantity, Record
 from armwright.validation import Invalid
@@ -30,8 +30,7 @@ def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str 
     changes: dict[str, Quantity] = {}
     for name, value in values.items():
         path, entry = _split(name, known)
-        if path not in known:
-            raise DescriptionError("no such number", place="with_values", value=path, choices=known, file=robot.name)
+        check_known(DescriptionError, path, known, "no such number", place="with_values", file=robot.name)
         whole = value
         if entry is not None:
             old = changes.get(path, known[path]).value

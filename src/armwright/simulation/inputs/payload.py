@@ -15,10 +15,10 @@ from armwright.errors import ArmwrightError, ScenarioError
 from armwright.lint.feasibility import IMPOSSIBLE
 from armwright.model import Model
 from armwright.model.payload import Payload
-from armwright.model.tree import BASE, TENSOR
+from armwright.model.tree import BASE
 from armwright.parameters import Batch, check_counts, lane_counts, numbers_by_lane
 from armwright.simulation.inputs.input_schedule import LaneRows
-from armwright.spatial import displaced_inertia
+from armwright.spatial import TENSOR, displaced_inertia
 
 
 def carried(payload: Payload) -> str:
@@ -80,7 +80,7 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
     rows = max(len(mass), len(com), len(tensor))
     mass, com = np.broadcast_to(mass, rows), np.broadcast_to(com, (rows, 3)).T
     about_origin = np.broadcast_to(tensor, (rows, 3, 3)).transpose(1, 2, 0) + displaced_inertia(mass, 0.0 * com, com)
-    return time, np.stack([mass, *(mass * com), *(about_origin[i, j] for i, j in TENSOR)], axis=1)
+    return time, np.stack([mass, *(mass * com), *(about_origin[place] for place in TENSOR.values())], axis=1)
 
 
 def _numbers(k: int, name: str, value: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:

@@ -9,13 +9,13 @@ import numpy as np
 
 from armwright import scalar
 from armwright.entry import AnyArm, as_arm, expect
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.kinematics.forward_kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
-from armwright.trajectory.cartesian.solve import BEYOND, ToolPathSolution, checked_limits, past_limit, place, solve_path
+from armwright.trajectory.cartesian.solve import ToolPathSolution, checked_limits, past_limits, place, solve_path
 from armwright.trajectory.cartesian.tool import Tool
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
@@ -106,8 +106,7 @@ def follow_path(
     begin = scalar.real_number(time)
     if begin is None or not np.isfinite(begin):
         raise ScenarioError(place="time", value=time, expected="a finite number [s]")
-    if slow not in SLOW:
-        raise ScenarioError(place="slow", value=slow, choices=SLOW)
+    check_known(ScenarioError, slow, SLOW, place="slow")
     limits = checked_limits(arm, limits)
     solution = _solved(arm, path, near, limits)
     path = solution.path
@@ -150,12 +149,9 @@ def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathS
     if near is not None:
         expected = "none beside a solved path, which begins where solve_path(…, near=…) began it"
         raise ScenarioError(place="near", value=near, expected=expected)
-    low, high = limits.position.T
-    beyond = np.maximum(low - q, q - high)
-    if (beyond > BEYOND).any():
-        row, joint = np.argwhere(beyond > BEYOND)[0]
-        worst = int(beyond[:, joint].argmax())
-        raise past_limit(path.path, limits, int(joint), float(s[row]), q[worst, joint], s[worst])
+    outside = past_limits(path.path, limits, s, q)
+    if outside is not None:
+        raise outside.error
     return path
 
 

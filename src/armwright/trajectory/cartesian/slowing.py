@@ -58,7 +58,7 @@ class _Run:
         """(m,) the largest ṡ² from rest to rest under the ceiling."""
         x = (self.speeds * self.ceiling)[:, None] ** 2 * LEVELS**2
         low, high = self._bounds(x, limits.acceleration)
-        return fastest_profile(SpeedTable(x, low, high, np.diff(self.s)), 0.0, 0.0).x
+        return fastest_profile(SpeedTable(x, low, high, np.diff(self.s)))
 
     def _bounds(self, x: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest s̈ (m, j) at x (m, j): of the way, of the joints and of the tool."""

@@ -154,24 +154,20 @@ def solve_path(
     _check_vertical(path, part)
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
-    failures: list[tuple[float, ScenarioError | Stuck]] = []
+    failures: list[Stuck | Outside] = []
     for q in _starts(follower, near):
         try:
             runs = _within(_followed(follower, q), limits, turning if near is None else None, path)
             found.append((_pace(follower, runs, limits), runs))
-        except Stuck as stuck:
-            failures.append((stuck.s, stuck))
-        except _Outside as outside:
-            failures.append((outside.s, outside.error))
+        except (Stuck, Outside) as failure:
+            failures.append(failure)
     for _, runs in sorted(found, key=lambda each: float(f"{each[0]:.6g}")):  # as good: in the order of the starts
         try:
             return _splined(follower, runs, accuracy, limits, clearance)
-        except Stuck as stuck:
-            failures.append((stuck.s, stuck))
-        except _Outside as outside:
-            failures.append((outside.s, outside.error))
-    _, failure = max(failures, key=lambda each: each[0])
-    raise explained(follower, failure) if isinstance(failure, Stuck) else failure
+        except (Stuck, Outside) as failure:
+            failures.append(failure)
+    farthest = max(failures, key=lambda each: each.s)
+    raise explained(follower, farthest) if isinstance(farthest, Stuck) else farthest.error
 
 
 def checked_limits(arm: Any, limits: Any) -> MotionLimits:
@@ -206,7 +202,7 @@ def _check_vertical(path: CartesianPath, aim: Aim) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Outside(Exception):
+class Outside(Exception):
     """A solution that passes a limit of position or comes too near to something, and where it does."""
 
     s: float
@@ -268,7 +264,7 @@ def _within(
     """Runs within the limits of position, if need be with whole turns added to the joints of `turning` (n,), which only turn.
 
     Raises:
-        _Outside: names the joint, the place and how far it is outside.
+        Outside: names the joint, the place and how far it is outside.
     """
     rows = np.concatenate([q for _, q in runs])
     low, high = limits.position.T
@@ -280,16 +276,24 @@ def _within(
         fits = (least + shift >= low - BEYOND) & (most + shift <= high + BEYOND)
         shift = np.where(fits, shift, 0.0)
         runs, rows = [(s, q + shift) for s, q in runs], rows + shift
-    s = np.concatenate([s for s, _ in runs])
-    beyond = np.maximum(low - rows, rows - high)
-    if (beyond > BEYOND).any():
-        row, joint = np.argwhere(beyond > BEYOND)[0]
-        worst = int(beyond[:, joint].argmax())
-        raise _Outside(float(s[row]), past_limit(path, limits, int(joint), float(s[row]), rows[worst, joint], s[worst]))
+    outside = past_limits(path, limits, np.concatenate([s for s, _ in runs]), rows)
+    if outside is not None:
+        raise outside
     return runs
 
 
-def past_limit(
+def past_limits(path: CartesianPath, limits: MotionLimits, s: np.ndarray, q: np.ndarray) -> Outside | None:
+    """The joint that is first outside its limits, of positions q (k, n) at places s (k,) of a path; None if all are within."""
+    low, high = limits.position.T
+    beyond = np.maximum(low - q, q - high)
+    if not (beyond > BEYOND).any():
+        return None
+    row, joint = np.argwhere(beyond > BEYOND)[0]
+    worst = int(beyond[:, joint].argmax())
+    return Outside(float(s[row]), _past_limit(path, limits, int(joint), float(s[row]), q[worst, joint], s[worst]))
+
+
+def _past_limit(
     path: CartesianPath, limits: MotionLimits, joint: int, first: float, worst: float, at: float
 ) -> ScenarioError:
     """The error of a joint that first leaves its limits at one place of a path and is farthest outside at another."""
@@ -324,7 +328,7 @@ def _splined(
     """Runs as splines, the limits of position and the least distance held between nodes as well.
 
     Raises:
-        Stuck, _Outside: as named there.   ScenarioError: a part of the path moves no joint.
+        Stuck, Outside: as named there.   ScenarioError: a part of the path moves no joint.
     """
     paths, off, angle = [], 0.0, 0.0
     for s, q in runs:
@@ -343,14 +347,14 @@ def _splined(
         if beyond.max() > 1e3 * BEYOND:
             joint, end = np.unravel_index(int(beyond.argmax()), beyond.shape)
             at = nodes[0] + float(places[joint, end])
-            error = past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
-            raise _Outside(at, error)
+            error = _past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
+            raise Outside(at, error)
         if clearance is not None:
             dense = np.unique(np.linspace(each.breaks[:-1], each.breaks[1:], IN_A_PIECE))
             found, at = nearest_along(clearance, lambda s, each=each: each.at(s)[0], dense)
             error = too_near(clearance, found)
             if error is not None:
-                raise _Outside(nodes[0] + at, error.within(place(follower.path, nodes[0] + at)))
+                raise Outside(nodes[0] + at, error.within(place(follower.path, nodes[0] + at)))
         paths.append(each)
     return ToolPathSolution(follower.path, tuple(paths), (off, angle), follower.tool)
 

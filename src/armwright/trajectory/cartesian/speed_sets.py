@@ -31,29 +31,11 @@ class SpeedTable:
     ds: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class Profile:
-    """Squared path speeds.
-
-    Attributes:
-        x: (m,).   highest_first: the largest x at the first grid point from which the end is reached.
-        stuck: grid point from which the forward pass found no way on; None: it reached the end.
-    """
-
-    x: np.ndarray
-    highest_first: float
-    stuck: int | None = None
-
-
-def fastest_profile(table: SpeedTable, first: float, last: float) -> Profile:
-    """The largest x at every grid point that leads from x = first to x = last.
-
-    Args:
-        table: bounds at the grid points.   first, last: x at both ends.
-    """
+def fastest_profile(table: SpeedTable) -> np.ndarray:
+    """(m,) the largest x at every grid point that leads from rest to rest; 0 behind a point from which no way leads on."""
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         lines = _lines(table)
-        return _forward(table, lines, *_controllable(table, lines, last), first)
+        return _forward(table, lines, *_controllable(table, lines))
 
 
 def _lines(table: SpeedTable) -> tuple[np.ndarray, np.ndarray]:
@@ -74,14 +56,12 @@ def _lines(table: SpeedTable) -> tuple[np.ndarray, np.ndarray]:
     return offsets, np.stack([np.where(used, factor, 0.0) for used, _, factor in order], axis=1)
 
 
-def _controllable(
-    table: SpeedTable, lines: tuple[np.ndarray, np.ndarray], last: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _controllable(table: SpeedTable, lines: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Sets of x from which the end is reached: lowest and highest x (m, j - 1) in every cell."""
     m, j = table.x.shape
     low, high = np.full((m, j - 1), NOWHERE), np.full((m, j - 1), -NOWHERE)
-    cell = min(max(int(np.searchsorted(table.x[-1], last, side="right")) - 1, 0), j - 2)
-    low[-1, cell] = high[-1, cell] = last
+    cell = min(max(int(np.searchsorted(table.x[-1], 0.0, side="right")) - 1, 0), j - 2)
+    low[-1, cell] = high[-1, cell] = 0.0
     ds = 2.0 * table.ds[:, None]
     lowest, highest = table.x[:-1] + ds * table.low[:-1], table.x[:-1] + ds * table.high[:-1]
     for k in range(m - 2, -1, -1):
@@ -131,12 +111,9 @@ def _last_inside(
     return float(np.clip(np.where(first <= last, last, 0.0).max(), 0.0, 1.0))
 
 
-def _forward(
-    table: SpeedTable, lines: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray, first: float
-) -> Profile:
+def _forward(table: SpeedTable, lines: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray) -> np.ndarray:
     m = len(table.x)
     x = np.zeros(m)
-    x[0], most = first, float(high[0].max())
     tolerance, bounds = ROUNDING * table.x.max(), (table.low, table.high)
     for k in range(m - 1):
         here, ds, levels = x[k], 2.0 * table.ds[k], table.x[k]
@@ -154,6 +131,6 @@ def _forward(
             cell = int(room.argmax())
             x[k + 1] = min(max(0.5 * (above[cell] + below[cell]), low[k + 1, cell]), high[k + 1, cell])
         if max(x[k], x[k + 1]) <= tolerance or x[k + 1] < -tolerance:  # at rest, or no set to go on to
-            return Profile(x, most, stuck=k)
+            break
         x[k + 1] = max(x[k + 1], 0.0)
-    return Profile(x, most)
+    return x

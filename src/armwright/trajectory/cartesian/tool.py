@@ -11,13 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from armwright.kernels.compiled import compile_arm
 from armwright.kinematics.aim import Aim
-from armwright.kinematics.reach import reach
+from armwright.kinematics.reach import turn_length
 from armwright.model import Model
 from armwright.trajectory.cartesian.pieces import PathPoints
 from armwright.trajectory.cartesian.turning import turning
 
 CUT = 1e-9  # of the largest singular value: smaller ones are 0
-ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +42,7 @@ class Tool:
     @cached_property
     def radian(self) -> float:
         """Length equivalent to an angle of 1 rad [m]."""
-        length = float(reach(self.arm, self.frame))
-        return ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
+        return turn_length(self.arm, self.frame)
 
     @property
     def rows(self) -> int:

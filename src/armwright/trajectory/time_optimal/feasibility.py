@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.trajectory.efforts import is_massless, without_constants
 from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -41,11 +42,8 @@ def check_limits(arm: Model, limits: MotionLimits, path: JointPath, rms_torque: 
         ScenarioError: names the quantity and the joints.
     """
     moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
-    massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
-    dark = [
-        body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
-    ]
-    light, unknown = "links without masses" if massless else "", f"no motor constants of {', '.join(dark)}"
+    dark = without_constants(arm)
+    light, unknown = "links without masses" if is_massless(arm) else "", f"no motor constants of {', '.join(dark)}"
     for place, values, lacks in (
         ("limits.torque", limits.torque, light),
         ("rms_torque", rms_torque, light),

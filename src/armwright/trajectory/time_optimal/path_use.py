@@ -29,10 +29,8 @@ ROUNDING = 1e-7  # of the duration
 AROUND = 8  # pieces to either side that are passed slower
 ZOOMS, ZOOM = 3, np.linspace(0.0, 1.0, 17)  # about each peak that may be the largest
 SLOWER, SLOWEST, HALVINGS = 1.05, 100.0, 20  # times the duration: the next that is tried, the last, and of the interval
-ROUNDS, FASTER = (
-    16,
-    4.0,
-)  # of what a motion exceeds between the times that were looked at; times the rate at which it is slowed
+# of what a motion exceeds between the times that were looked at; times the rate at which it is slowed
+ROUNDS, FASTER = 16, 4.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,10 +23,8 @@ SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
 CLOSE = 1e-2  # of the largest √x: a change up to which tangents are taken at the profile itself: they double its digits
 FALLING = 0.25  # of √x: tangents are taken no lower, as those of friction near rest allow nothing
 SETTLED = 1e-9  # of the largest √x: a change up to which tangents are not taken again
-SLOWER, SLOWINGS = (
-    0.25,
-    16,
-)  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
+# times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
+SLOWER, SLOWINGS = 0.25, 16
 AT_REST = 1e-12  # of the largest x
 HALVINGS = 30  # of ṡ² at an end
 LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time, before …

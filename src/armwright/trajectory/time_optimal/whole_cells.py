@@ -22,9 +22,8 @@ UNBOUNDED = 1e100  # finite, so that it can be multiplied by 0
 PIECES = 48  # of the path between two of its breaks, at least: within 0.1 % of what 100 allow
 BLOCK, BESIDE = 2048, 2  # cells computed at once; on either side of a cell, that its caps depend on
 HALVINGS = 60  # of a path speed at the end that is too high
-TURNING = (
-    0.5  # of a joint's largest q' beside a grid point: what is taken for q' there where it is less, as for a cap of x
-)
+# of a joint's largest q' beside a grid point: what is taken for q' there where it is less, as for a cap of x
+TURNING = 0.5
 
 
 @dataclass(frozen=True, eq=False)

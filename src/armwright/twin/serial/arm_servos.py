@@ -20,7 +20,7 @@ from math import tau
 
 import numpy as np
 
-from armwright.errors import BusError
+from armwright.errors import BusError, check_known
 from armwright.model import Model
 from armwright.trajectory.limits import MotionLimits
 from armwright.twin.serial.arm_plant import Mounting
@@ -140,8 +140,7 @@ def _calibrated(arm: Model, line: Line, model: ServoModel, calibration: Calibrat
     """The line with the ids of a calibration, and its zeros and directions where it has them."""
     file = calibration.file
     for name in arm.names:
-        if name not in calibration.joints:
-            raise BusError("has no such joint", place="calibration", value=name, choices=calibration.joints, file=file)
+        check_known(BusError, name, calibration.joints, "has no such joint", place="calibration", file=file)
     servos = {name: calibration.joints[name] for name in arm.names}
     ids = [servo.id for servo in servos.values()]
     if line.ids is not None and list(line.ids) != ids:

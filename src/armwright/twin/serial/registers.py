@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from armwright.errors import BusError
+from armwright.errors import BusError, check_known
 from armwright.twin.serial.frames import FRAMINGS, Framing
 
 FOLDER = Path(__file__).parent / "models"
@@ -118,8 +118,7 @@ def servo_model(name: str) -> ServoModel:
     Raises:
         BusError: no such model; names those that there are.
     """
-    if name not in model_names():
-        raise BusError(place="servo", value=name, choices=model_names())
+    check_known(BusError, name, model_names(), place="servo")
     table = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
     rows = [line.split() for line in table["registers"].splitlines() if line.strip()]
     registers = tuple(_register(row) for row in rows)
