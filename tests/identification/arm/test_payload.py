@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -161,12 +162,31 @@ inertia_kg_m2 = {{ xx = 0.004, yy = 0.005, zz = 0.003, xy = 0.0, xz = 0.0, yz = 
 """
 
 
-def test_no_motion_of_intersecting_axes_tells_a_mass(tmp_path):
-    """Eight combinations of a payload turn a pan-tilt head; they come out with deviations, and none is called a mass."""
+def pan_tilt(folder: Path) -> aw.Model:
+    """A head whose two axes intersect."""
     pan = TURNED.format(joint="pan", parent="base", child="yoke", axis=[0, 0, 1])
     tilt = TURNED.format(joint="tilt", parent="yoke", child="tray", axis=[0, 1, 0])
-    (tmp_path / "head.toml").write_text(PAN_TILT + pan + tilt, encoding="utf-8")
-    head = aw.load(tmp_path / "head.toml")
+    (folder / "head.toml").write_text(PAN_TILT + pan + tilt, encoding="utf-8")
+    return aw.load(folder / "head.toml")
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_runs_held_out_judge_combinations_of_a_payload_without_a_mass(tmp_path, stays):
+    """What the log tells of the payload predicts the run held out to its noise; not a run without the payload."""
+    head = pan_tilt(tmp_path)
+    loaded = head.with_payload(MASS, COM, INERTIA)
+    path = two_runs(tmp_path / "log", loaded, seconds=10.0, noise=0.02, fresh=loaded if stays else head)
+    found = identify_payload(path, head)
+    assert not found.identifiable[0]
+    after, before = (found.fit[f"torque of tilt (held out{each})"]["rms"] for each in ("", ", by the record before"))
+    assert (after < 0.03 < 0.3 < before) is stays
+    assert (before < 0.03 < 0.3 < after) is not stays
+    assert any(remark.startswith("tilt:") for remark in found.remarks) is not stays
+
+
+def test_no_motion_of_intersecting_axes_tells_a_mass(tmp_path):
+    """Eight combinations of a payload turn a pan-tilt head; they come out with deviations, and none is called a mass."""
+    head = pan_tilt(tmp_path)
     found = identify_payload(moved(tmp_path, "loaded", head.with_payload(MASS, COM, INERTIA), torque_noise=0.02), head)
     assert found.verdict == "not identified"
     assert not np.any(found.identifiable[:10])

@@ -27,6 +27,9 @@ def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, sha
         torque[:, joint] -= 0.4 * (T / T[-1]) * friction[:, joint]
     if mistake == "spring":
         torque[:, joint] += 0.1 * np.ptp(torque[:, joint]) / np.ptp(q[:, joint]) * q[:, joint]
+    if mistake == "gear":
+        links = machine.torque(q, qd, qdd, link_only=True)[:, joint]
+        torque[:, joint] += np.where(links * qd[:, joint] > 0.0, 1.0 / 0.9 - 1.0, 0.9 - 1.0) * links
     if mistake == "late":
         torque[:, joint] = machine.torque(*motion.at(T - 0.01))[:, joint]
     torque = torque + share * torque.std(axis=0) * rng.normal(size=torque.shape)
@@ -60,6 +63,7 @@ SAID = {
     "outliers": r"warning: run1: tau j3: \d+ rows \((0\.[89]|1\.0)\d*%\) by more than",
     "clipped": r"j3: \d+% of its torques are not fitted: cut off at a limit",
     "spring": r"j3: its torques change with its position by \+\d+% of their spread",
+    "gear": r"j3: its friction grows by (9|10|11)\.\d% of the torque that its links take",
     "drift": r"j3: its friction changes by -[3-6]\d% over the log",
 }
 
@@ -79,6 +83,15 @@ def test_a_spring_that_leaves_most_of_a_residual_is_a_doubt(share, explains, dou
     """One that pushes away from its rest is none."""
     scores = [Score("j3", "rad", "spring", share, 0.02, 50.0 * share / abs(share), explains)]
     assert (len(made_up_for(scores)), len(list(suspicions(scores)))) == (doubts, remarks)
+
+
+@pytest.mark.parametrize(("size", "explains", "said"), [(0.1, 0.6, (1, 1)), (0.1, 0.3, (0, 2)), (-0.1, 0.6, (0, 0))])
+def test_gears_that_lose_power_without_the_record_are_named_each(size, explains, said):
+    """The weaker one of another joint, too; one that gives power is none."""
+    sign = np.sign(size)
+    scores = [Score("j2", "rad", "gear", size, 0.003, 30 * sign, explains)]
+    scores += [Score("j3", "rad", "gear", size, 0.01, 8 * sign, 0.2)]
+    assert (len(made_up_for(scores)), len(list(suspicions(scores)))) == said
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -18,6 +18,7 @@ from armwright.errors import IdentificationError
 from armwright.fitting.stretch import LogStretch
 from armwright.fitting.triangular import triangle
 from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.logs.preparation import LITTLE
 
 CHUNK_VALUES = 2**18  # of the regressor in one block: 2 MB
 FOLDS = 8  # parts of a log with few runs
@@ -39,6 +40,7 @@ class Samples(LogStretch):
             computed, then those of the states.
         fitted: (rows, n) False where a torque is not fitted (`TorqueModel.known_rows`); None: all are.
         loaded: (rows, n) `loaded_friction`, a part of `known`, filtered; None where there is none.
+        slow: (rows, n) share of rows near standstill in the torques' low-pass; None: not known.
     """
 
     stretch: int
@@ -52,6 +54,7 @@ class Samples(LogStretch):
     known: np.ndarray | None = None
     fitted: np.ndarray | None = None
     loaded: np.ndarray | None = None
+    slow: np.ndarray | None = None
 
     def regressor(self, model: TorqueModel) -> np.ndarray:
         """Y (rows, n, p) of the model that the samples were prepared for."""
@@ -62,6 +65,13 @@ class Samples(LogStretch):
         known = model.known_torques(self.q, self.qd, self.qdd) if self.known is None else self.known
         unknown = self.tau - known
         return unknown if self.fitted is None else np.where(self.fitted, unknown, np.nan)
+
+    def in_motion(self) -> Samples:
+        """The samples with torques near standstill not fitted."""
+        if self.slow is None:
+            return self
+        moves = np.abs(self.slow) < LITTLE
+        return replace(self, fitted=moves if self.fitted is None else self.fitted & moves)
 
 
 @dataclass(frozen=True, eq=False)

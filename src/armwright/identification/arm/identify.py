@@ -110,6 +110,7 @@ def identify_arm(
         stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
         guard.tell("fit")
         found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
+        stream = replace(stream, moving=found.stuck > 0)
         guard.tell("record")
         values = record_parameters(found.fit, stream.kept) if record or stream.fresh else None
         result = _checked(arm, stream, found, values, method, curve, checks, guard)

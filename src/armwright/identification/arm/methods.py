@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.stats import norm
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import (
@@ -18,7 +19,7 @@ from armwright.identification.arm.base import (
     told_parameters,
 )
 from armwright.identification.arm.closed_loop import ClosedLoopMethod, Feedback, feedback_of, fit_closed_loop
-from armwright.identification.arm.equations import Equations, SampleSource, equations_of, part_seconds, stacked
+from armwright.identification.arm.equations import Equations, Samples, SampleSource, equations_of, part_seconds, stacked
 from armwright.identification.arm.essential import essential_parameters
 from armwright.identification.arm.fit import (
     ArmFit,
@@ -39,6 +40,8 @@ from armwright.identification.arm.torque_model import TorqueModel
 
 GAIN = 0.01  # of the held-out error, that a spring must bring
 CORRECTED = ("ols", "wls")  # methods that are corrected for noise of the columns, of arms without gear loss
+DRY = ("coulomb", "coulomb+", "coulomb-", "stribeck")  # kinds of columns that jump where a joint turns back
+FALSE_ALARMS = 0.01  # share of logs without sticking that lose their rows near standstill
 MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 
 
@@ -162,6 +165,7 @@ class FittedLog:
     Attributes:
         rows: its samples for the fit's model.   fit: found.   base: identifiable from the log.
         structural: base parameters of the arm.   unfitted: joints whose efficiency stays the record's, each with the reason.
+        stuck: deviations by which the numbers change with the rows near standstill, which are not fitted then; 0: they are.
     """
 
     rows: SampleSource
@@ -169,6 +173,7 @@ class FittedLog:
     base: BaseParameters
     structural: BaseParameters
     unfitted: Mapping[str, str]
+    stuck: float = 0.0
 
 
 def fitted(
@@ -215,8 +220,42 @@ def fitted(
         model = model.at(fit.parameters)
         rows, equations = read(model)
         fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
-    fit = fit if model.unrubbed is None else with_loads(rows, fit)
-    return FittedLog(rows, fit, base, structural, unfitted)
+    found = FittedLog(rows, fit, base, structural, unfitted)
+    if METHODS[method].knows_loss and not isinstance(model, LossyModel):
+        problem = FitProblem(rows, equations, base, seconds, errors=errors)
+        found = _without_standstill(found, problem, METHODS[method].fit)
+    return found if model.unrubbed is None else replace(found, fit=with_loads(found.rows, found.fit))
+
+
+def _without_standstill(found: FittedLog, problem: FitProblem, fit: Callable[[FitProblem], ArmFit]) -> FittedLog:
+    """The fit of rows in motion alone, where it differs from that of all rows by more than chance; else the one that came in.
+
+    The friction of a joint that sticks is whatever keeps it at rest, but low-passes leave it a speed, and the model a direction.
+    Without sticking both fits have the same expectation, and differ by less than their deviations together. [Hausman1978]
+
+    Args:
+        found: fit of all rows.   problem: that it solves.   fit: of a problem.
+    """
+    base = found.fit.base
+    dry = [b for b, k in enumerate(base.independent) if base.columns[k].kind in DRY]
+    if not dry:
+        return found
+
+    def rows() -> Iterator[Samples]:
+        return (each.in_motion() for each in found.rows())
+
+    equations = equations_of(rows(), problem.equations.model, part_seconds=problem.part_seconds)
+    if len(regrouped_further(found.structural, equations.factor)) < len(base):
+        return found
+    try:
+        moving = fit(replace(problem, source=rows, equations=equations))
+    except IdentificationError:  # too few rows are left
+        return found
+    apart = np.abs(moving.values - found.fit.values) / np.hypot(moving.std, found.fit.std)
+    limit, of_dry = (float(norm.isf(FALSE_ALARMS / (4 * count))) for count in (len(base), len(dry)))
+    if apart.max() < limit and apart[dry].max() < of_dry:
+        return found
+    return replace(found, rows=rows, fit=moving, stuck=float(apart.max()))
 
 
 def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:

@@ -50,7 +50,7 @@ from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.validation.comparison import NO_VERDICT, judged_on_torques
-from armwright.model import BASE, Model
+from armwright.model import BASE, Body, Model
 from armwright.progress import Shown, automatic
 from armwright.spatial import TENSOR
 
@@ -162,7 +162,7 @@ def identify_payload(
         estimate: `payload.mass_kg`, `payload.com_m[k]` in the frame, `payload.inertia_kg_m2.xx`, … about the centre of mass, in
             the frame's axes. "not identified" where the mass cannot be told, or half of its 95 % interval is over 10 % of it.
             Without a mass, what the log determines follows: formulas of the mass `mL`, first moments `mcxL`, … and moments of
-            inertia `IxxL`, … about the frame's origin.
+            inertia `IxxL`, … about the frame's origin. Either way runs held out judge the torques that it predicts.
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
         Interrupted: Ctrl-C; `found` holds the best estimate of the low-passes until then.
@@ -180,11 +180,11 @@ def identify_payload(
     logs = [checked(each, arm) for each in ((log,) if loaded_log is None else (log, loaded_log))]
     warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
-        found = _fitted(logs, arm, frame, [preparation] * len(logs))
-        return _judged(replace(found, remarks=(*found.remarks, *warnings)), logs, arm, frame)
+        found, body = _fitted(logs, arm, frame, [preparation] * len(logs))
+        return _judged(replace(found, remarks=(*found.remarks, *warnings)), body, logs, arm, frame)
     log = logs[0]
     chosen = choose_preparation(log).cutoff
-    tried: list[tuple[float, Estimate]] = []
+    tried: list[tuple[float, Estimate, Body | None]] = []
     too_short: LogError | None = None
     stopped = ""
     with automatic(progress, "fitting a payload") as tell:
@@ -193,7 +193,7 @@ def identify_payload(
                 try:
                     tell(number, len(CUTOFFS))
                     choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
-                    tried.append((cutoff, _fitted(logs, arm, frame, choices)))
+                    tried.append((cutoff, *_fitted(logs, arm, frame, choices)))
                 except LogError as error:  # a higher cut-off leaves more rows
                     too_short = error
                     if cutoff >= HIGHEST / log.run().period:
@@ -206,28 +206,37 @@ def identify_payload(
     if not tried:
         assert too_short is not None
         raise too_short
-    cutoff, best = min(tried, key=lambda each: _uncertainty(each[1]))
+    cutoff, best, body = min(tried, key=lambda each: _uncertainty(each[1]))
     assert best.identifiable is not None
     told = "the mass" if best.identifiable[0] else "the payload's numbers"
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
     remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves {told} least uncertain"
-    remarks = (remark, f"stopped by Ctrl-C {stopped}: a higher one was not tried") if stopped else (remark,)
-    result = replace(best, remarks=(*best.remarks, *warnings, *remarks))
+    result = replace(best, remarks=(*best.remarks, *warnings, remark))
     if stopped:
-        raise Interrupted(stopped, found=result)
-    return _judged(result, logs, arm, frame)
+        said = [f"stopped by Ctrl-C {stopped}: a higher one was not tried"]
+        said += [f"{NO_VERDICT}: Ctrl-C came before"] if logs[-1].hold_out else []
+        raise Interrupted(stopped, found=replace(result, remarks=(*result.remarks, *said)))
+    return _judged(result, body, logs, arm, frame)
 
 
-def _judged(estimate: Estimate, logs: Sequence[Log], arm: Model, frame: str | None) -> Estimate:
-    """The estimate judged on the runs held out, by torques of the arm with this payload beside those of the arm without it."""
-    if not logs[-1].hold_out or not np.asarray(estimate.identifiable)[0]:
+def _judged(estimate: Estimate, body: Body | None, logs: Sequence[Log], arm: Model, frame: str | None) -> Estimate:
+    """The estimate judged on the runs held out, by torques of the arm with this payload beside those of the arm without it.
+
+    Args:
+        body: of the arm, with what the logs determine of a payload without a mass.
+    """
+    if not logs[-1].hold_out:
         return estimate
     if len(logs) > 1:
         what = f"{NO_VERDICT}: with two logs the arm's own masses do not count"
         return replace(estimate, remarks=(*estimate.remarks, what))
-    return judged_on_torques(
-        estimate, lambda: with_identified_payload(arm, estimate, frame), arm, logs[0], list(estimate.fit)
-    )
+
+    def carrying() -> Model:
+        if body is None:
+            return with_identified_payload(arm, estimate, frame)
+        return replace(arm, bodies=tuple(body if each.joint == body.joint else each for each in arm.bodies))
+
+    return judged_on_torques(estimate, carrying, arm, logs[0], list(estimate.fit))
 
 
 def _uncertainty(estimate: Estimate) -> float:
@@ -236,11 +245,14 @@ def _uncertainty(estimate: Estimate) -> float:
     return float(std[0] if np.isfinite(std[0]) else np.exp(np.log(std[PER_LINK:]).mean()))
 
 
-def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
-    """The estimate from one log or two, with one low-pass for each."""
+def _fitted(
+    logs: Sequence[Log], arm: Model, frame: str | None, preparations: Sequence[Preparation]
+) -> tuple[Estimate, Body | None]:
+    """The estimate from one log or two, with one low-pass for each, and the body that carries a payload without a mass."""
     streams = [stream_of(log, arm, None, each) for log, each in zip(logs, preparations, strict=True)]
+    alone = payload_model(arm, frame)
     if len(logs) == 1:
-        model: TorqueModel = (alone := payload_model(arm, frame))
+        model: TorqueModel = alone
         prepared = partial(streams[0].samples, model)
         sources: list[SampleSource] = [(lambda: behind_gears(prepared(), alone)) if is_lossy(arm) else prepared]
         method = "payload from one log and the known arm: weighted least squares of the torques that the arm leaves unexplained"
@@ -261,8 +273,14 @@ def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Se
         with_correlation(each, replace(fit, equations=half)).covariance
         for each, half in zip(sources, halves, strict=True)
     ]
-    structural = base_parameters(payload_model(arm, frame))
-    return _estimate(fit, structural, sum(covariances, np.zeros(())), method, sha256, logs[-1].path.name)
+    found, parameters = _estimate(
+        fit, base_parameters(alone), sum(covariances, np.zeros(())), method, sha256, logs[-1].path.name
+    )
+    if np.asarray(found.identifiable)[0]:
+        return found, None
+    assert alone.moved is not None
+    carrier = arm.bodies[alone.carrier]
+    return found, carrier.with_inertial_parameters(carrier.inertial_parameters + alone.moved @ parameters)
 
 
 def _joined(model: TorqueModel, sources: Sequence[SampleSource]) -> tuple[Equations, list[Equations]]:
@@ -321,9 +339,9 @@ def _alone(matrix: np.ndarray) -> np.ndarray:
 
 def _estimate(
     fit: ArmFit, structural: BaseParameters, covariance: np.ndarray, method: str, sha256: str, name: str
-) -> Estimate:
+) -> tuple[Estimate, np.ndarray]:
     """The payload's numbers from base parameters, possible ones where the free ones are not; the base parameters themselves
-    where no mass is found, without which the others are none.
+    where no mass is found, without which the others are none. Beside it the shortest π_L (10,) with these base parameters.
 
     Args:
         fit: of the logs.   structural: of the payload alone, for all motions of its arm.   covariance: of the fit.
@@ -383,9 +401,9 @@ def _estimate(
         remarks=(*remarks, *SUPPORT.notes(arm)), fit=measures, verdict=verdict, log=name,
     )  # fmt: skip
     if known[0]:
-        return found
+        return found, free
     count = len(rows)
-    return replace(
+    combined = replace(
         found,
         names=(*NAMES, *(fit.base.formulas[row] for row in rows)),
         units=(*found.units, *(fit.base.units[row] for row in rows)),
@@ -394,6 +412,7 @@ def _estimate(
         at_bound=np.concatenate([at_bound, np.zeros(count, dtype=bool)]),
         identifiable=np.concatenate([known, np.ones(count, dtype=bool)]),
     )
+    return combined, free
 
 
 def _of_order_one(parameters: np.ndarray) -> np.ndarray:

@@ -209,7 +209,7 @@ def with_remarks(
     """
     fit, some, comparison = result.fit, next(iter(found.rows())), result.hold_out
     remarks = [*_identifiability(result, found), *directions, *_doubtful_numbers(fit)]
-    remarks += [*_about_joints(result, cutoff), *far_off(fit, some), *_about_record(result)]
+    remarks += [*_about_joints(result, cutoff, found.stuck), *far_off(fit, some), *_about_record(result)]
     driving, impossible = driving_frictions(fit), impossible_parameters(fit, result.record)
     is_free = result.record is not None and not impossible and not driving
     negative = negative_inertias(fit, some, is_free)
@@ -267,7 +267,7 @@ def _doubtful_numbers(fit: ArmFit) -> Iterator[str]:
         yield f"negative without being possible, which a record cannot hold: {_listed(negative)}"
 
 
-def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
+def _about_joints(result: ArmEstimate, cutoff: float, stuck: float) -> Iterator[str]:
     """Sentences about the cut-off, poorly explained torques, rest, springs and outliers."""
     fit, model = result.fit, result.fit.equations.model
     if result.sensitive:
@@ -294,10 +294,16 @@ def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
             f"parts of the log differ by {fit.part_effect**0.5:.2g} times what noise explains: something changes that is not in "
             "the model, as friction does that warms up; deviations are larger for it"
         )
+    if stuck > 0:
+        yield (
+            f"rows near standstill are not fitted: with them numbers are up to {stuck:.2g} deviations off those in motion, as "
+            "where joints stick, or turn back too slowly for the direction of their friction to be sure"
+        )
     rows = fit.equations.rows
     for joint, share in zip(model.arm.names, 1.0 - rows / max(rows.max(), 1), strict=True):
         if 0.0 < share < 1.0 and not isinstance(model, LossyModel):
-            yield f"{joint}: {share:.0%} of its torques are not fitted: cut off at a limit, or filtered together with such"
+            why = "near standstill, or cut off at a limit" if stuck > 0 else "cut off at a limit"
+            yield f"{joint}: {share:.0%} of its torques are not fitted: {why}, or filtered together with such"
     if fit.outliers is not None and fit.outliers.dropped > 0:
         yield f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers"
 

@@ -61,6 +61,7 @@ class Stream:
         source: of motor torques: the log's, or from its currents by Kt of the record, or from its voltages by eq. (12).
         order: indices of the log's joints in the arm's order.   gears: (n, n) θ_motor = gears q of the log, or None.
         seconds: of all runs together.   rows: in all, behind the low-passes.   name, sha256, lacks, warnings: of the log.
+        moving: rows near standstill are not fitted.
     """
 
     log: Log
@@ -75,6 +76,7 @@ class Stream:
     sha256: str
     lacks: tuple[str, ...]
     warnings: tuple[str, ...]
+    moving: bool = False
 
     @property
     def cutoff(self) -> float:
@@ -124,7 +126,7 @@ class Stream:
                 moving = memory[run] = memory.get(run) or list(moving)
             for block in self._parallel_filtered(run, model, moving):
                 is_empty = False
-                yield block
+                yield block.in_motion() if self.moving else block
         if is_empty:
             last = list(self.filters)[-1]
             raise too_short(self.log, self.log.run(last), self.filters[last].narrow)
@@ -250,6 +252,7 @@ class _Behind:
         if not len(numbers):
             return
         q, qd, qdd = (self.values[name] for name in ("q", "qd", "qdd"))
+        slow = near_standstill(qd, qdd, second, filters.wide.cutoff)
         qd = without_rest(qd, filters.resting, second.rate)
         motion = q, qd, qdd
         used = model.of_joint
@@ -262,7 +265,7 @@ class _Behind:
         if wide.decimate > 1:
             rows = model.directed(rows, speeds)
         columns[:, used] = zero_phase(second, rows[:, used])[numbers]
-        values = {**self.values, "known": known, **by_loads}
+        values = {**self.values, "known": known, **by_loads, "slow": slow}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
         fitted = model.known_rows(motion[1][numbers], filtered["qd"])
         if CUT_OFF in filtered:
@@ -275,6 +278,19 @@ class _Behind:
         cut = max(len(self.t) - 2 * seam, 0)
         rest = {name: each[cut:] for name, each in self.values.items()}
         return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
+
+
+def near_standstill(qd: np.ndarray, qdd: np.ndarray, narrow: Preparation, wide: float) -> np.ndarray:
+    """(rows, n) 1 where the direction of a speed is not sure, else 0.
+
+    There the narrow low-pass changes the speed by more than itself, as where a joint sticks for less time than either low-pass
+    shows, or it turns back within the time 1/(2π f) of the wide one.
+
+    Args:
+        qd, qdd: (rows, n) speeds and accelerations behind the wide low-pass.   narrow: of the torques.   wide: cut-off f [Hz].
+    """
+    hidden = np.maximum(np.abs(qd - zero_phase(narrow, qd)), np.abs(qdd) / (2 * np.pi * wide))
+    return (np.abs(qd) <= hidden).astype(float)
 
 
 def between_rows(qd: np.ndarray, count: int) -> np.ndarray:

@@ -18,10 +18,14 @@ from itertools import product
 import numpy as np
 from scipy import stats
 
+from armwright.actuators.coupling import motor_shares
 from armwright.actuators.friction import by_loads
+from armwright.actuators.gear import loses_power
 from armwright.fitting.covariance import correlated
 from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
+from armwright.identification.arm.gear_loss import LossyModel
+from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import TorqueModel
 
 ROWS = 1000  # that the tests are made on, nearly
@@ -30,8 +34,9 @@ STEP = 1e-5  # of a position, for derivatives [rad | m], and of its scale
 LIKELY = 2.0  # deviations from which a mistake is taken out
 INVISIBLE = 1e-9  # share of a column's squares that the model leaves
 FRICTION = ("viscous", "coulomb", "coulomb+", "coulomb-", "stribeck")
-LOAD, SPRING = "load", "spring"
-MOST = 0.75  # of a joint's squared residuals: a spring that explains more is missing
+LOAD, SPRING, GEAR = "load", "spring", "gear"
+MOST = {"load": 0.0, "spring": 0.75, "gear": 0.5}  # of a joint's squared residuals: one that explains more is missing
+KNOWN = 10.0  # deviations of the links' torque, in root mean square, from which it tells what grows with it
 BESIDE = 0.7  # of the largest |z|: mistakes with less follow from that one
 
 Torques = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -59,6 +64,11 @@ MISTAKES = {
         0.02,
     ),
     "load": Mistake("what loads add to its friction is {size:+.0%} off the record's, and masses make up for it", 0.005),
+    "gear": Mistake(
+        "its friction grows by {size:.1%} of the torque that its links take, as of a gear with loss that the record lacks, and "
+        "Coulomb friction makes up for it: --fit-efficiency fits one",
+        0.005,
+    ),
 }
 
 
@@ -136,14 +146,43 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
             own = [(d[:, :, [at]], e - size[k] * d[:, :, at]) for d, e in zip(clean, errors, strict=True)]
             alone = correlated(lambda own=own: own, fit.weights, bread[[at]][:, [at]])
             std[k] = float(np.sqrt(alone.covariance[0, 0]))
-    scores = []
+    geared, scores = _gears_to_test(fit, columns), []
     for k, (joint, mistake) in enumerate(product(model.arm.coordinates, MISTAKES)):
-        if mistake != LOAD or by_loads(joint):
+        if (mistake != LOAD or by_loads(joint)) and (mistake != GEAR or joint.joint in geared):
             z = float(size[k] / std[k]) if std[k] > 0.0 else 0.0
             share = float(size[k] ** 2 * left[k] / max(squares[k // len(MISTAKES)], np.finfo(float).tiny))
             unit = joint.kind.units.position
             scores.append(Score(joint.joint, unit, mistake, float(size[k]), float(std[k]), z, share))
     return scores
+
+
+def _gears_to_test(fit: ArmFit, columns: Iterable[np.ndarray]) -> list[str]:
+    """Joints without friction that loads add to, whose links take a torque that is known well enough to be a load.
+
+    Args:
+        columns: blocks (rows, n, b) of the fit's columns.
+    """
+    model, base = fit.equations.model, fit.base
+    links = [b for b, k in enumerate(base.independent) if base.columns[k].kind in ("inertial", *SPRINGS)]
+    Y = np.concatenate([each[:, :, links] for each in columns])
+    taken = Y @ fit.values[links]
+    variance = np.einsum("tjk,kl,tjl->j", Y, fit.covariance[np.ix_(links, links)], Y)
+    known = (taken**2).sum(axis=0) > KNOWN**2 * variance
+    return [
+        joint.joint
+        for i, joint in enumerate(model.arm.coordinates)
+        if known[i]
+        and not (by_loads(joint) or loses_power(joint) or (isinstance(model, LossyModel) and model.lossy[i]))
+    ]
+
+
+def _levels(model: TorqueModel, joint: int) -> list[int]:
+    """Numbers of the columns of Coulomb friction, 1 or -1 in motion, of a joint's motor; of its joint where it has one alone."""
+    own = [
+        k for k, column in enumerate(model.columns)
+        if column.kind in ("coulomb", "coulomb+", "coulomb-") and column.joint == model.arm.names[joint]
+    ]  # fmt: skip
+    return [k for k in own if len(model.columns[k].turned) > 1] or own
 
 
 def _seen(scores: list[Score]) -> list[Score]:
@@ -154,21 +193,23 @@ def _seen(scores: list[Score]) -> list[Score]:
         for each in scores
         if abs(each.z) > limit
         and abs(each.size) > MISTAKES[each.mistake].least
-        and (each.mistake != SPRING or each.size > 0.0)  # no spring pushes away from its rest
+        and (
+            each.mistake not in (SPRING, GEAR) or each.size > 0.0
+        )  # no spring pushes from its rest, no gear gives power
     ]
 
 
 def made_up_for(scores: list[Score]) -> list[str]:
     """Sentences about mistakes of the record that masses make up for.
 
-    Friction that grows otherwise with the load than the record says, whose numbers the fit takes; a spring without which most
-    of a joint's residual would be gone.
+    Friction that grows otherwise with the load than the record says, whose numbers the fit takes; a spring or a gear's loss with
+    which most of a joint's residual would be gone.
     """
     return [_words(each) for each in _seen(scores) if _is_made_up_for(each)]
 
 
 def _is_made_up_for(score: Score) -> bool:
-    return score.mistake == LOAD or (score.mistake == SPRING and score.explains > MOST)
+    return score.explains > MOST.get(score.mistake, np.inf)
 
 
 def _words(score: Score) -> str:
@@ -183,16 +224,20 @@ def suspicions(scores: list[Score], all_late: bool = False) -> Iterator[str]:
         scores: of all joints.   all_late: the lateness of all joints together is said already.
     """
     seen = [each for each in _seen(scores) if not _is_made_up_for(each)]
-    largest = max((abs(each.z) for each in seen), default=0.0)
+    first = max(seen, key=lambda each: abs(each.z), default=None)
     for each in seen:
-        if abs(each.z) >= BESIDE * largest and not (all_late and each.mistake == "lateness"):
+        assert first is not None
+        follows = (
+            abs(each.z) < BESIDE * abs(first.z) and not each.mistake == first.mistake == GEAR
+        )  # each gear has its own loss
+        if not follows and not (all_late and each.mistake == "lateness"):
             yield _words(each)
 
 
 def _effects(
     model: TorqueModel, parameters: np.ndarray, block: Samples, times: tuple[float, float], stiffness: np.ndarray
 ) -> np.ndarray:
-    """Columns d (rows, n, 7 n) of the mistakes of each joint, in the order of `MISTAKES`.
+    """Columns d (rows, n, 8 n) of the mistakes of each joint, in the order of `MISTAKES`.
 
     Args:
         times: middle and span of the log [s].   stiffness: (n,) of the springs that are tried [N m/rad | N/m].
@@ -203,8 +248,11 @@ def _effects(
     def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         return model.rows(q, qd, qdd) @ parameters + model.known_torques(q, qd, qdd)
 
+    columns, of_motors = block.regressor(model), np.linalg.inv(motor_shares(model.arm))
     rub = [k for k, column in enumerate(model.columns) if column.kind in FRICTION]
-    friction = block.regressor(model)[:, :, rub] @ parameters[rub]
+    friction = columns[:, :, rub] @ parameters[rub]
+    links = [k for k, column in enumerate(model.columns) if column.kind in ("inertial", *SPRINGS)]
+    taken = (model.rows(*motion)[:, :, links] @ parameters[links] + model.known_torques(*motion)) @ of_motors
     own = torques(*motion)  # as predicted: measured ones have the residuals themselves in them
     late = -np.gradient(own, block.t, axis=0) if len(block.t) > 2 else np.zeros_like(own)
     later = (block.t - times[0]) / times[1]
@@ -214,6 +262,7 @@ def _effects(
         found[:, j, j, 5] = stiffness[j] * block.q[:, j]
         if block.loaded is not None:
             found[:, j, j, 6] = block.loaded[:, j]
+        found[:, :, j, 7] = columns[:, :, _levels(model, j)].sum(axis=2) * np.abs(taken[:, j, None])
         for place, moves in ((3, [np.ones(len(block.t)), 0.0, 0.0]), (4, [each[:, j] for each in motion])):
             moved = [each.copy() for each in motion]
             for each, by in zip(moved, moves, strict=True):

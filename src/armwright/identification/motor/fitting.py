@@ -13,11 +13,19 @@ from armwright.fitting.covariance import covariance_of
 from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
 from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import ROWS_OF_STARTS, DriveProblem, many_starts, refined, starts
+from armwright.identification.motor.output_error import (
+    FEWEST_STARTS,
+    ROWS_OF_STARTS,
+    DriveProblem,
+    many_starts,
+    refined,
+    starts,
+)
 from armwright.identification.motor.problem import MotorSearch, sizes
 from armwright.identification.motor.unknowns import values_of
 from armwright.progress import Progress
 
+BESIDE = (-2.0, -1.0, 1.0, 2.0)  # samples between a guessed delay and those that are tried too
 ROUNDS = 3  # of fit and new standard deviations of the signals
 SAME = 0.02  # of a standard deviation: a smaller change is none
 AT_BOUND = 1e-3  # of the range of a logarithm: nearer to its end is at the bound
@@ -72,7 +80,7 @@ def fitted(
     jacobian = problem.jacobian(first)
     if np.isfinite(jacobian).all():
         _hold(done, jacobian * sizes(record, data, problem, first), first)
-    begin = starts(problem, first, search.starts, search.seed)
+    begin = starts(problem, first, max(search.starts, FEWEST_STARTS), search.seed)
     wanted = [k for k, each in enumerate(problem.unknowns) if not each.nuisance] or range(len(problem.unknowns))
     if all(k in done.held for k in wanted):
         names = [problem.unknowns[k].short for k in done.held]
@@ -81,7 +89,7 @@ def fitted(
             "the log determines none of the numbers to be fitted", place="free", value=names, expected=expected
         )
     own = _of_record(problem, first)
-    begin = np.concatenate([begin, own])
+    begin = np.concatenate([begin, own, _of_delays(problem, first)])
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, done.kept])
     if not np.isfinite(cost).any():
         expected = "another first guess, by fixed=… or a robot's record"
@@ -107,6 +115,17 @@ def _of_record(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
     found = first.copy()
     found[others] = z[int(np.argmin(cost))]
     return found[None]
+
+
+def _of_delays(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
+    """(lanes, k) the first coordinates with delays of the samples beside the guessed one.
+
+    With a command that is held each sample of delay may have a minimum of its own, in which a search from one delay ends.
+    """
+    delays = [k for k, each in enumerate(problem.unknowns) if each.name == "delay"]
+    lanes = np.tile(first, (len(BESIDE) if delays else 0, 1))
+    lanes[:, delays] += np.array(BESIDE)[: len(lanes), None]
+    return np.clip(lanes, *problem.bounds)
 
 
 def _cost(problem: DriveProblem, z: np.ndarray) -> float:

@@ -39,7 +39,7 @@ class MotorSearch:
         pwm: of the bridge; None: as the record has it; "compare": both are fitted, and the one is kept whose error is smaller,
             coast only if by 1 % or more.   most_delay: longest delay of the command [samples].
         priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
-        starts: number of first guesses.   seed: of their draws.
+        starts: number of first guesses, 4 at least.   seed: of their draws.
     Raises:
         ModelError: names the field.
     Example:
