@@ -44,7 +44,7 @@ def sprung_tree(seed: int, *, tables: bool = True) -> RobotDescription:
     cylinders = []
     while len(cylinders) < 2:
         a, b = rng.choice(links, 2)
-        if carrier(robot, a) != carrier(robot, b):
+        if carrier(robot.joints, a) != carrier(robot.joints, b):
             ends = {
                 "link_a": a,
                 "anchor_a_m": rng.uniform(-0.5, 0.5, 3),

@@ -10,7 +10,6 @@ from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, until_sto
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
 from armwright.progress import progress
-from armwright.spatial import TENSOR
 
 
 def gains(
@@ -46,6 +45,8 @@ def gains(
       armwright identify gains lwa4p empty.log.toml --loaded-log loaded.log.toml --payload-mass 5 --com 0.05,0,0.08
     """
     import numpy as np
+
+    from armwright.spatial import TENSOR  # with NumPy, which `--help` does without
 
     check_file(output, TOML, (file, loaded, robot))
     check_file(report, PAGE)
