@@ -9,6 +9,7 @@ from armwright.dynamics import bias_torques, coriolis_matrix, mass_matrix
 from physics.arms import NAMES, arm, gradient, random_state
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", range(3))
 def test_laws(name, seed):

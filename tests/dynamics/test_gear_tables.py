@@ -66,7 +66,7 @@ def acceleration(of_gear, w: float, force: float) -> float:
     return brentq(lack, -1e4, 1e4, xtol=1e-13, rtol=1e-14)
 
 
-@pytest.mark.sample(75)
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("force", [-90.0, -20.0, -4.0, 2.0, 9.0, 30.0, 45.0, 200.0])
 @pytest.mark.parametrize("w", [0.05, 0.9, 7.0, -0.05, -0.9, -7.0])
 @pytest.mark.parametrize(("share", "side"), [(None, "joint"), (0.3, "joint"), (0.3, "motor")])

@@ -106,7 +106,7 @@ def test_mujocos(seed, tmp_path):
 WITH_SPRINGS = ("spring_torques", "inverse_dynamics", "forward_dynamics", "bias_torques", "energy", "regressor")
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", WITH_SPRINGS)
 def test_compiled_is_the_float_run(name):
     model, signature = arm("sprung"), SIGNATURES[name]

@@ -26,7 +26,7 @@ def tool():
 STATES = tool()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("name", list(STATES.FAMILIES)[:5])
 def test_random_and_adversarial_states(name):
     """Few solves, nothing wrong that is not marked, the speeds of another method, and energy that never rises."""

@@ -164,7 +164,7 @@ def stated_by_true(fit, rho: float, draws: int) -> np.ndarray:
     return ratios(*zip(*(fit(rho, seed) for seed in range(draws)), strict=True))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("name", FITS)
 def test_deviations_are_about_those_of_the_fits(name):
     """Few draws of slow noise tell the mean of several ratios to 10 %."""

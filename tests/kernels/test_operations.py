@@ -150,6 +150,7 @@ PARTIAL = [
 ]
 
 
+@pytest.mark.sample(10)
 @formats
 @pytest.mark.parametrize("name", [name for name in COMPUTED if name not in PARTIAL])
 def test_nan_in_nan_out(name, format):

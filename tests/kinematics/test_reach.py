@@ -12,6 +12,7 @@ from raises_at import raises_at
 from simulation.runs import mixed_arm
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in OWN])
 def test_no_pose_is_further_out(name):
     model = arm(name)

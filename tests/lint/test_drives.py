@@ -250,6 +250,7 @@ def test_thermal_numbers(name, key, value, question, fit):
     assert f"{question} {fit} would fit" in found.what or found.expected == fit
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*builtin_names(), "heavy", "hot-lift", "motor", "scara"])
 def test_sound_arms_raise_no_question(name):
     assert contradictions(parse(record(name).unwrap(), name)) == []

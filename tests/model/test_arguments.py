@@ -50,6 +50,7 @@ def test_a_transposed_batch_is_recognised():
         aw.mass_matrix(arm("puma560"), np.zeros((6, 100)))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", PLAIN)
 def test_an_arm_may_be_named(name):
     arguments = {key: 0.3 + value for key, value in _arguments(name, 6).items()}

@@ -56,6 +56,7 @@ def test_potential_energy_falls_with_gravity(name):
     assert potential_energy(model.replace(gravity=np.zeros(3)), q) == 0.0
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_power_balance(name, seed):

@@ -30,7 +30,7 @@ LOSSLESS = [name for name in FREE if all(body.drive.efficiency is None for body 
 WRENCH = np.array([12.0, -7.0, 30.0, 1.5, -2.0, 0.7])
 
 
-@pytest.mark.sample(95)
+@pytest.mark.sample(11)
 @pytest.mark.parametrize(
     ("forward", "name"),
     [*((forward_dynamics, name) for name in NAMES), *((articulated_body, name) for name in LOSSLESS)],
@@ -45,6 +45,7 @@ def test_forward_of_inverse_is_identity(forward, name, seed):
         np.testing.assert_allclose(forward(model, q, qd, tau, wrench), qdd, rtol=0, atol=1e-9)
 
 
+@pytest.mark.sample(25)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inverse_of_forward_is_identity(name, seed):
@@ -102,6 +103,7 @@ def test_lossy_gears_are_met_driving_and_driven_back():
     assert (np.max(power, axis=0) > 0).all()
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("name", LOSSLESS)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_articulated_bodies_are_composite_bodies(name, seed):
@@ -112,6 +114,7 @@ def test_articulated_bodies_are_composite_bodies(name, seed):
     np.testing.assert_allclose(ours, other, rtol=0, atol=1e-11 * np.abs(other).max())
 
 
+@pytest.mark.sample(25)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_inverse_dynamics_is_its_terms(name, seed):

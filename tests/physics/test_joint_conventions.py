@@ -149,6 +149,7 @@ def test_classic_dh_is_modified_dh(name, seed):
     assert_same_mechanics(links_only(classic), links_only(in_modified_dh(classic)), seed)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*CLASSIC, "panda", "cmu-dd", "two-link", "workshop"])
 @pytest.mark.parametrize("seed", range(3))
 def test_any_convention_is_explicit_frames(name, seed):

@@ -56,6 +56,7 @@ def test_kinetic_energy_is_its_quadratic_form(name, seed):
     assert kinetic_energy(model, q, qd) == pytest.approx(0.5 * qd @ mass_matrix(model, q) @ qd, rel=1e-12)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_rate_minus_twice_coriolis_is_skew(name, seed):

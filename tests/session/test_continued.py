@@ -49,7 +49,7 @@ def notes(session):
     return session.state.run.attrs["notes"]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("law", LAWS)
 def test_one_second_and_another_are_two(robot, law):
     whole, parts = begun(robot, LAWS[law]), begun(robot, LAWS[law])

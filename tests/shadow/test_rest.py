@@ -72,7 +72,7 @@ def last_residual(arm: aw.Arm, tau: np.ndarray, seed: int = 0) -> np.ndarray:
     return MomentumObserver(arm).update(t, q, np.tile(tau, (len(t), 1))).torque[-1]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_any_torque_between_those_that_just_move_the_arm_leaves_no_residual(tmp_path, name):
     arm = two_link(tmp_path, *ARMS[name])

@@ -72,7 +72,7 @@ def test_an_accuracy_is_kept_and_paid_for():
     assert runs[0].steps_tried < runs[1].steps_tried < runs[2].steps_tried
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("period", [1e-3, 4e-3])
 def test_a_loop_is_right_without_settings_and_its_controller_runs_once_a_tick(period):
     model, calls = arm("puma560"), []
@@ -116,7 +116,7 @@ def smoothed(model: aw.Model, speed: float | None) -> aw.Model:
 
 
 @pytest.mark.parametrize(("of", "rule"), [(None, "rk45"), (stiff, "rodas3"), (sticking, "rk45")])
-@pytest.mark.sample(1)
+@pytest.mark.study
 def test_a_lanes_bits_do_not_depend_on_its_neighbours(of, rule):
     """Lane 77, alone, among a hundred and among a hundred thousand, whose steps are others."""
     many = 100_000

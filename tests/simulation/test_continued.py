@@ -101,7 +101,7 @@ STEPPED = [
 ]
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", STEPPED)
 def test_steps_are_the_run(name):
     scenario, first, second = halved(name)

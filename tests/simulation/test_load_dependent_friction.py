@@ -202,7 +202,7 @@ def aw_law(arm):
     return LAWS[friction.law], friction
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["made", "xl330/m6", "mx64/m4", "mx106/m5", "xl320/m3", "feetech_sts3215_7_4V/m1"])
 def test_a_bench_moves_as_its_equations_integrated_by_other_code(tmp_path, name):
     """The difference falls in proportion to that code's step, and is 2e-5 rad at most at 1e-6 s."""

@@ -99,7 +99,7 @@ def whole() -> xr.Dataset:
     return aw.simulate(parsed)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("chunk", [7 * 13, LANES])
 def test_a_file_in_chunks_has_the_bits_of_one_run(
     chunk: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset

@@ -81,6 +81,7 @@ def test_the_compiled_tick_is_the_float_run():
         np.testing.assert_allclose(state, expected, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.study
 @settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["jumps", "noise", "impossible speeds"]))
 def test_limits_hold_whatever_the_reference_does(seed, kind):

@@ -30,7 +30,7 @@ def random_points(draw: np.random.Generator, k: int, n: int) -> np.ndarray:
 @pytest.mark.parametrize("curve", CURVES)
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32))
-@pytest.mark.sample(1)
+@pytest.mark.study
 def test_limits_hold_and_one_is_used(curve, seed):
     draw = np.random.default_rng(seed)
     k, n = int(draw.integers(3 if curve == "natural_quintic" else 2, 12)), int(draw.integers(1, 7))

@@ -180,6 +180,7 @@ def test_a_wrong_table_is_refused_when_the_file_is_read(tmp_path, table, words):
     assert "arm.scenario.toml" in str(caught.value)
 
 
+@pytest.mark.study
 def test_the_example_s_table_is_searched_over_its_lanes():
     found = aw.tuning.tune(
         EXAMPLES / "robust.scenario.toml",

@@ -27,7 +27,7 @@ def cover(case: str, joints: int, seeds: int) -> tuple[float, float]:
     return float((np.abs(z) < 1.96).mean()), float(np.sqrt((z**2).mean()))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("case", ["noise", "quantised", "both"])
 def test_few_seeds_of_a_small_arm(case):
     share, size = cover(case, 3, 3)

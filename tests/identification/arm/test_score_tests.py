@@ -68,7 +68,7 @@ SAID = {
 }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("mistake", SAID)
 def test_a_mistake_is_found_with_its_joint_and_size(tmp_path, mistake):
     (sentence,) = sentences(tmp_path, mistake)

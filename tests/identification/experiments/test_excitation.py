@@ -53,6 +53,7 @@ def test_limits_hold_between_the_instants_of_the_design(designed):
     assert 0.98 < np.nanmax([part.max() for part in designed.used.values()]) <= 1.0 + 1e-9  # limits are made use of
 
 
+@pytest.mark.study
 @settings(max_examples=6, deadline=None)
 @given(
     st.floats(0.3, 5.0), st.floats(0.3, 5.0), st.floats(0.5, 20.0), st.integers(2, 4), st.sampled_from(["condition", "logdet"]),

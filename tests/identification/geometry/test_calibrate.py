@@ -49,7 +49,7 @@ def test_what_is_identifiable_is_the_rank_of_a_numerical_jacobian(kind, tmp_path
     assert any("*" in name for name in found.fit.setting.grouped.names)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("kind", ["frame", "row"])
 def test_known_mistakes_are_found_within_their_intervals(kind, tmp_path):
     """Two seeds of each kind; tools/geometry_seeds.py has the table of many."""

@@ -100,7 +100,7 @@ def test_armax_finds_the_noise():
     assert not any("white" in remark for remark in model.remarks)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("colour", [(1.0,), tuple(0.8 ** np.arange(20))])
 def test_intervals_cover_the_truth(colour):
     true_gain, inside = B.sum() / A.sum(), []

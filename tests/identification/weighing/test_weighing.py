@@ -66,7 +66,7 @@ DRAWN = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("name", list(DRAWN))
 def test_deviations_are_those_of_drawn_readings(name):
     """Standard deviation of 1500 results from readings drawn with theirs, within 6 %; the shares add up to 1."""

@@ -89,7 +89,7 @@ def test_every_branch_is_among_those_of_eaik_and_the_other_way_round(name, tmp_p
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.sample(1)
+@pytest.mark.study
 def test_descents_from_many_starts_find_no_other_solution(kind, tmp_path):
     arm = arm_of_axes(tmp_path, *axes(kind, 5))
     _, targets = samples(arm, 4, seed=1)

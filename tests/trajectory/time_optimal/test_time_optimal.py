@@ -139,7 +139,7 @@ def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> Non
 
 
 @pytest.mark.parametrize(("name", "seed"), [("cmu-dd", 0), ("cmu-dd", 1), ("lwa4p", 0)])
-@pytest.mark.sample(1)
+@pytest.mark.study
 def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
     arm = aw.load(name)
     path, limits = random_path(arm, seed, 4), aw.trajectories.MotionLimits.of(arm)
