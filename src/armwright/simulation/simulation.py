@@ -362,23 +362,22 @@ class Simulation(LoopRunner):
         state = self.scenario.continued(state)
         if state.lanes not in (1, self.count):
             raise ScenarioError(f"{state.lanes} lanes", place="state", expected=str(self.count))
-        measured = self.measured_in(state)
-        self.tick = self.origin = state.tick
-        self._started, self._measured = state, measured
-        self._forget()
-        if self.reference is not None:
-            self.reference = self.reference_of_ticks(AHEAD)
+        self._go_on_from(state, state.tick)
         if self._lanes is not None:
             self.begin(self._lanes, state)
 
     def reset(self) -> None:
         """Goes back to where the scenario starts."""
-        self._lanes, self._started = None, self.scenario.started
-        self._measured = self.measured_in(self._started)
-        self.tick = self.origin = self.begun
+        self._lanes = None
+        self._go_on_from(self.scenario.started, self.begun)
+
+    def _go_on_from(self, state: LoopState | None, tick: int) -> None:
+        """Lets what comes next begin at a tick with a state; None: that of the scenario's start."""
+        self._started, self._measured = state, self.measured_in(state)
+        self.tick = self.origin = tick
         self._forget()
         if self.reference is not None:
-            self.reference = self.reference_of_ticks(1 if self.scenario.duration is None else self.scenario.ticks)
+            self.reference = self.reference_of_ticks(AHEAD)
 
 
 class _Groups:
