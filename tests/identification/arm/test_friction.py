@@ -208,6 +208,18 @@ def test_runs_held_out_judge_the_friction(tmp_path, is_warm):
     assert found.verdict == ("not identified" if is_warm else "identified"), found.remarks
 
 
+def test_numbers_that_no_record_can_have_are_not_identified(tmp_path):
+    """Torques that miss more than the load, along with the speed's sign: the masses are not those of the record."""
+    arm = aw.load("two-link")
+    t, q, qd, qdd = multisine(arm.n, 10.0, 200.0, seed=0)
+    known = aw.compile(arm).inverse_dynamics(q, qd, qdd)
+    log = written_log(tmp_path, "other", list(arm.names), t, q, known + 1.5 * np.abs(known) * np.sign(qd))
+    found = identify_friction(log, arm, candidates=("load",))
+    assert found["elbow.friction.load_coefficient"] == pytest.approx(1.5, rel=0.1)
+    assert found.verdict == "not identified"
+    assert any("shoulder.friction.load_coefficient = " in remark for remark in found.remarks)
+
+
 def test_bad_input_is_refused(tmp_path):
     arm = aw.load("lwa4p")
     log = moved(tmp_path, "arm", arm, seconds=2.0)

@@ -18,7 +18,7 @@ from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
-from armwright.errors import IdentificationError, Interrupted, check_known
+from armwright.errors import DescriptionError, IdentificationError, Interrupted, check_known
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.friction_laws import law_of_keys
@@ -173,7 +173,8 @@ def identify_friction(
         estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; those of springs, of which
             the record may make a table, under names of their own. Remarks say what each candidate brought. "not identified" where
             friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left, or
-            where the record predicts the runs that the log holds out worse than the one that came in, or with R² below 0.5.
+            where the record predicts the runs that the log holds out worse than the one that came in, or with R² below 0.5,
+            or where no record can have the numbers, as friction that takes more than the load that it grows with.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
         Interrupted: Ctrl-C; `found` holds the friction of the joints until then, "not identified".
@@ -245,6 +246,11 @@ def _judged(estimate: Estimate, log: Log, arm: Model, joints: Sequence[str]) -> 
     Args:
         estimate: of the friction.   log: of the runs.   arm: that came in.   joints: names of those that were fitted.
     """
+    try:
+        with_identified_friction(arm, estimate)
+    except DescriptionError as error:
+        remarks = (*estimate.remarks, f"no record can have these numbers, so this is no friction alone: {error}")
+        return replace(estimate, remarks=remarks, verdict="not identified")
     if not log.hold_out:
         return replace(estimate, remarks=(*estimate.remarks, NO_HOLD_OUT))
     if any(name.endswith(BY_TEMPERATURE) for name in estimate.names):

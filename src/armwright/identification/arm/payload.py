@@ -208,10 +208,10 @@ def identify_payload(
         raise too_short
     cutoff, best, body = min(tried, key=lambda each: _uncertainty(each[1]))
     assert best.identifiable is not None
-    told = "the mass" if best.identifiable[0] else "the payload's numbers"
+    determined = "the mass" if best.identifiable[0] else "the payload's numbers"
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
-    remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves {told} least uncertain"
-    result = replace(best, remarks=(*best.remarks, *warnings, remark))
+    least = f": of {len(tried)} from {ends} it leaves {determined} least uncertain" if len(tried) > 1 else ""
+    result = replace(best, remarks=(*best.remarks, *warnings, f"low-pass of {cutoff:.3g} Hz{least}"))
     if stopped:
         said = [f"stopped by Ctrl-C {stopped}: a higher one was not tried"]
         said += [f"{NO_VERDICT}: Ctrl-C came before"] if logs[-1].hold_out else []
