@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import armwright as aw
 from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse
 from armwright.cli.outcome import check_file
-from armwright.cli.servo_arm import NAMED, SAID, WARNING, calibration_of, line_of, stopping
+from armwright.cli.servo_arm import NAMED, SAID, WARNING, calibration_of, keep, kept, line_of, stopping
 from armwright.cli.tables import console_for_tables, table
 from armwright.errors import BusError, RunStopped
 from armwright.terminal import note, say
@@ -58,7 +58,8 @@ def capture(
     are refused, goal speed and torque limit are written, torque is switched on, and the arm goes slowly to where the motion
     begins. Whatever ends a run, the present position becomes the goal, with torque on.
 
-    Exit code: 0 complete or stopped by Ctrl-C; 1 ended early, since a servo was silent or too far from its goal; 2 refused.
+    Exit code: 0 complete or stopped by Ctrl-C; 1 ended early: a servo was silent, had an alarm, restarted or was too far from its
+    goal, or cycles took longer than their period; 2 refused.
 
     \b
     Examples:
@@ -101,11 +102,8 @@ def capture(
             try:
                 found = play(plan, port, stopped, say)
             except RunStopped as error:
-                log = error.run.write(output, arm)
-                say(f"wrote {output} and {log}, until the run ended")
-                raise
-    log = found.write(output, arm)
-    say(f"wrote {output} and {log}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
+                raise kept(error, output, error.run, arm) from None
+    keep(output, found, arm, f": {len(found.rows)} rows until {found}")
 
 
 def _store(arm: Model, line: Line, serial: str, path: Path) -> None:
