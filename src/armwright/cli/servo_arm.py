@@ -67,6 +67,7 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
         ("instructions", str(counts.instructions)),
         ("replies", str(counts.replies)),
         ("late replies, not sent", str(counts.late)),
+        ("replies that no client had room for", str(counts.unread)),
         ("baud rates of clients", ", ".join(map(str, sorted(counts.baud_rates))) or "none"),
     ]
     console_for_tables().print(table("servos at the end", HEADS, rows, HEADS))

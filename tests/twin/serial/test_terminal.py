@@ -287,3 +287,20 @@ def test_words_that_are_wrong(tmp_path, capsys):
     ):
         assert main([*words, "--path", str(tmp_path / "port")]) == 1
         assert message in capsys.readouterr().err
+
+
+def test_a_reply_that_no_client_has_room_for_is_not_counted_as_sent():
+    line = client("sts3215")
+    asked = [PING] * 3
+
+    class Full:
+        baud, unsent = 1_000_000, 0
+
+        def read(self, seconds):
+            return asked.pop()
+
+        def write(self, data):
+            self.unsent += 4 if not asked else 0  # of the last one
+
+    found = answer(Full(), line.bus, LockStep(line.bus, 0.02, CycleEnd("sync-write")), lambda: not asked, LONG)
+    assert (found.instructions, found.replies, found.unread) == (3, 2, 1)

@@ -109,7 +109,7 @@ class ServoArm:
         Args:
             path: of the link that clients open; None: they open the device that `ready` receives.
             cycle: period [s], and the instruction that closes a cycle, such as "sync-write:42": lock-step; None: real time.
-            schedule: NAME.scenario.toml for the goals that came, written at the beginning and at the end.
+            schedule: NAME.scenario.toml for the goals that came, written at the beginning and the end; None: goals are not kept.
             ready: called with the device that clients open.   patience: [s] after which a reply is dropped.
         Returns:
             counts: of instructions and replies.
@@ -119,6 +119,7 @@ class ServoArm:
         """
         end = None if cycle is None else CycleEnd.parse(cycle[1], self.bus.framing)
         timing = None if cycle is None or end is None else LockStep(self.bus, cycle[0], end)
+        self.plant.keeps_rows = schedule is not None
         if schedule is not None:
             write_goals(self.plant, schedule)
         with Terminal(path) as terminal:
