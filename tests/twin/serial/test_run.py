@@ -349,3 +349,21 @@ def test_a_servo_that_does_not_answer_at_the_end_is_named():
 def test_a_line_that_no_servo_has_is_refused(line):
     with raises_at(BusError, "ids" if line.ids else "baud", value=line.ids or line.baud):
         rehearse_servos(scenario(), line)
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_a_joint_just_outside_its_limits_of_position_begins_and_ends_at_the_limit(model):
+    given = scenario(reference=lambda t: 0.02 * swing(t))
+    port = served(given.arm, model, start=(-0.05, 0.0))
+    hip = port.made.bus.servos[0]
+    hip["min_position_limit"] = 2048
+    found = run_on_servos(rehearsed(port, given), port)
+    assert found.complete
+    assert hip["goal_position"] == pytest.approx(2048, abs=20)
+    hip["min_position_limit"] = 2100  # as if the joint had been pushed beyond it at the end
+    servos = ArmServos(port, found.rehearsal.fit)
+    stored = found.rehearsal.fit.calibration.joints["hip"].model_copy(update={"range_min": 2100})
+    servos.fit = replace(servos.fit, calibration=replace(servos.fit.calibration, joints={"hip": stored}))
+    servos._prepared = {0: {}}
+    assert servos.hold() == []
+    assert hip["goal_position"] == 2100

@@ -262,12 +262,19 @@ class ArmServos:
                 client.write(number, name, round(min(max(value, 1.0), most)))
                 written[name] = client.read(number, name)  # which a firmware may have limited
             self._prepared[i] = {"torque_enable": 1, **written}
-            client.write(number, "goal_position", client.read(number, "present_position"))
+            client.write(number, "goal_position", self._nearest_goal(i, client.read(number, "present_position")))
             client.write(number, "torque_enable", 1)
             if "bus_watchdog" in registers:
                 self._prepared[i]["bus_watchdog"] = round(WATCHDOG / WATCH)
                 client.write(number, "bus_watchdog", self._prepared[i]["bus_watchdog"])
         self.written = self.positions()
+
+    def _nearest_goal(self, joint: int, count: int) -> int:
+        """The goal that is nearest to a position [counts]: a Dynamixel refuses one beyond its limits of position."""
+        if self.fit.calibration is None:
+            return count
+        stored = self.fit.calibration.joints[self.fit.arm.names[joint]]
+        return min(max(count, stored.range_min), stored.range_max)
 
     def confirm(self, joints: Iterable[int] | None = None) -> None:
         """Refuses servos that no longer have what `prepare` wrote: one that restarted has other limits and no torque or
@@ -348,7 +355,7 @@ class ArmServos:
                 if watched:
                     client.write(number, "bus_watchdog", 0, despite_alarm=True)
                 position = client.read(number, "present_position", despite_alarm=True)
-                client.write(number, "goal_position", position, despite_alarm=True)
+                client.write(number, "goal_position", self._nearest_goal(i, position), despite_alarm=True)
                 if not client.read(number, "torque_enable", despite_alarm=True):
                     off.append(name)
             except BusError:
