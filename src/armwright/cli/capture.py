@@ -87,8 +87,8 @@ def capture(
         if go and output is None:
             raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
         check_file(output, (".csv",))
-        if not 1e-4 <= period <= 10.0:
-            raise BusError(place="--period", value=period, expected="1e-4 … 10 s")
+        if not 1e-3 <= period <= 10.0:
+            raise BusError(place="--period", value=period, expected="1e-3 … 10 s")
         settings = ServoSettings(1.0 / period, goal_distance, torque_fraction, release, approach, patience)
         plan = plan_capture(arm, reference, line, settings, calibration_of(calibration, needed=go))
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"

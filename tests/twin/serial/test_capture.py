@@ -303,6 +303,8 @@ def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tm
     assert "dry run: nothing was written" in dry.output
     assert "approach: at most 14.1 s to where the motion begins" in dry.output
     assert "hip" in dry.output
+    wrong = run("--serial", tmp_path / "nowhere", "--period", "0.0005")
+    assert (wrong.exit_code, "--period = 0.0005" in wrong.output) == (2, True)
     wrong = run("--serial", tmp_path / "nowhere", "--go")
     assert (wrong.exit_code, "expected -o LOG.csv beside --go" in wrong.output) == (2, True)
     wrong = run("--serial", tmp_path / "nowhere", "--go", "-o", log)
