@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import armwright as aw
 from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse
 from armwright.cli.outcome import check_file
-from armwright.cli.servo_arm import NAMED, SAID, WARNING, calibration_of, line_of, stopping
+from armwright.cli.servo_arm import NAMED, SAID, WARNING, calibration_of, keep, kept, line_of, stopping
 from armwright.cli.tables import console_for_tables, table
 from armwright.errors import BusError, RunStopped
 from armwright.terminal import note, say
@@ -58,7 +58,8 @@ def capture(
     are refused, goal speed and torque limit are written, torque is switched on, and the arm goes slowly to where the motion
     begins. Whatever ends a run, the present position becomes the goal, with torque on.
 
-    Exit code: 0 complete or stopped by Ctrl-C; 1 ended early, since a servo was silent or too far from its goal; 2 refused.
+    Exit code: 0 complete or stopped by Ctrl-C; 1 ended early: a servo was silent, had an alarm, restarted or was too far from its
+    goal, or cycles took longer than their period; 2 refused.
 
     \b
     Examples:
@@ -86,8 +87,8 @@ def capture(
         if go and output is None:
             raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
         check_file(output, (".csv",))
-        if not 1e-4 <= period <= 10.0:
-            raise BusError(place="--period", value=period, expected="1e-4 … 10 s")
+        if not 1e-3 <= period <= 10.0:
+            raise BusError(place="--period", value=period, expected="1e-3 … 10 s")
         settings = ServoSettings(1.0 / period, goal_distance, torque_fraction, release, approach, patience)
         plan = plan_capture(arm, reference, line, settings, calibration_of(calibration, needed=go))
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
@@ -101,11 +102,8 @@ def capture(
             try:
                 found = play(plan, port, stopped, say)
             except RunStopped as error:
-                log = error.run.write(output, arm)
-                say(f"wrote {output} and {log}, until the run ended")
-                raise
-    log = found.write(output, arm)
-    say(f"wrote {output} and {log}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
+                raise kept(error, output, error.run, arm) from None
+    keep(output, found, arm, f": {len(found.rows)} rows until {found}")
 
 
 def _store(arm: Model, line: Line, serial: str, path: Path) -> None:

@@ -16,12 +16,14 @@ from armwright.cli.arguments import as_options, numbers, refuse, start_of, words
 from armwright.cli.dead_man import dead_man_key
 from armwright.cli.outcome import check_file, exit_unless
 from armwright.cli.tables import console_for_tables, show, table
-from armwright.errors import BusError, RunStopped
+from armwright.errors import BusError, OutputError, RunStopped
 from armwright.terminal import note, say
 
 if TYPE_CHECKING:
+    from armwright.model import Model
     from armwright.simulation.scenario import Scenario
     from armwright.twin.serial.calibration import Calibration
+    from armwright.twin.serial.capture import Captured
     from armwright.twin.serial.servo_arm import Line
 
 HEADS = ("what", "how much")
@@ -65,6 +67,7 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
         ("instructions", str(counts.instructions)),
         ("replies", str(counts.replies)),
         ("late replies, not sent", str(counts.late)),
+        ("replies that no client had room for", str(counts.unread)),
         ("baud rates of clients", ", ".join(map(str, sorted(counts.baud_rates))) or "none"),
     ]
     console_for_tables().print(table("servos at the end", HEADS, rows, HEADS))
@@ -94,7 +97,8 @@ def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: 
             say("dry run: nothing was sent; --go runs it")
             return
         say(f"armwright: note: {WARNING}", err=True)  # with --quiet too
-        with SerialPort(serial, line.baud) as port, stopping(None) as stopped, dead_man_key() as held:
+        # the key first: until it is pressed, Ctrl-C ends the command
+        with SerialPort(serial, line.baud) as port, dead_man_key() as held, stopping(None) as stopped:
             try:
                 run = run_on_servos(
                     rehearsal,
@@ -104,19 +108,33 @@ def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: 
                     say=say,
                 )
             except RunStopped as error:
-                _keep(output, error.run, ", until the run ended")
-                raise
+                raise kept(error, output, error.run.captured, scenario.arm) from None
+    keep(output, run.captured, scenario.arm)  # before all that is shown: standard output may have gone
     console_for_tables().print(run.tables()[0])
-    _keep(output, run)
     say(f"{run.sentences()[0]}")
     exit_unless(run.complete)
 
 
-def _keep(output: Path | None, run: Any, how: str = "") -> None:
-    """Writes the readings of a run, if they are to be kept."""
-    if output is not None:
-        log = run.captured.write(output, run.rehearsal.scenario.arm)
-        say(f"wrote {output} and {log}{how}")
+def keep(output: Path | None, captured: Captured, arm: Model, how: str = "") -> None:
+    """Writes the readings of a run, if there are any and they are to be kept; says so, and `how` the run ended."""
+    if output is None:
+        return
+    if not captured.rows:
+        note(f"no cycles until {captured}: {output} is left as it is")
+        return
+    log = captured.write(output, arm)
+    say(f"wrote {output} and {log}{how}")
+
+
+def kept(stop: RunStopped, output: Path | None, captured: Captured, arm: Model) -> RunStopped:
+    """The error of a run that ended early, whose readings are written; with one more problem if they cannot be."""
+    if not captured.rows:
+        return stop
+    try:
+        keep(output, captured, arm, ", until the run ended")
+    except OutputError as lost:
+        return stop.joined(*lost.problems)
+    return stop
 
 
 def calibration_of(path: Path | None, *, needed: bool) -> Calibration | None:
@@ -189,9 +207,12 @@ def _note(text: str) -> None:
 
 @contextlib.contextmanager
 def stopping(duration: float | None) -> Iterator[Callable[[], bool]]:
-    """A function that is true once the time [s] is over, or after Ctrl-C or SIGTERM."""
+    """A function that is true once the time [s] is over, or after Ctrl-C, SIGTERM or the end of the terminal (SIGHUP)."""
     stopped, end = threading.Event(), None if duration is None else time.monotonic() + duration
-    before = {name: signal.signal(name, lambda *_: stopped.set()) for name in (signal.SIGTERM, signal.SIGINT)}
+    names, hang_up = [signal.SIGTERM, signal.SIGINT], getattr(signal, "SIGHUP", None)
+    if hang_up is not None and signal.getsignal(hang_up) != signal.SIG_IGN:  # which nohup sets
+        names.append(hang_up)
+    before = {name: signal.signal(name, lambda *_: stopped.set()) for name in names}
     try:
         yield lambda: stopped.is_set() or (end is not None and time.monotonic() >= end)
     finally:

@@ -225,7 +225,8 @@ def run_controller(
     complete run.
 
     Exit code: 0 complete; 1 ended early (a node lost, a fault, a following error, the key released) or, in lock-step,
-    different from the simulation; 2 refused before a drive was enabled; 130 Ctrl-C, with the state of all joints.
+    different from the simulation; 2 refused before a drive was enabled; 130 Ctrl-C on a CAN bus, with the state of all joints.
+    With --serial Ctrl-C ends a run early, exit code 1.
 
     \b
     Examples:

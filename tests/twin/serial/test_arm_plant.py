@@ -211,3 +211,17 @@ def test_goals_go_into_a_scenario_file(arm):
     plant = ArmPlant(arm, MOUNTED)
     with pytest.raises(BusError, match=r"schedule = .*expected NAME\.scenario\.toml"):
         write_goals(plant, Path("goals.csv"))
+
+
+def test_a_plant_that_keeps_no_rows_moves_alike_and_does_not_grow(arm):
+    kept, forgetful = (ArmPlant(arm, MOUNTED) for _ in range(2))
+    forgetful.keeps_rows = False
+    for plant in (kept, forgetful):
+        for k in range(50):
+            plant.command(k % 3, goal(2048.0 + 10.0 * k, gains=(16 + k, 0, 32)))
+            plant.advance(0.01 * (k + 1))
+    np.testing.assert_array_equal(kept.state, forgetful.state)
+    assert (len(forgetful.rows), len(forgetful.values)) == (1, 1)
+    assert min(len(kept.rows), len(kept.values)) > 40
+    with raises_at(BusError, "schedule"):
+        forgetful.scenario(10)

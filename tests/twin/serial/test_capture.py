@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import select
+import signal
 import sys
 import threading
 import time
@@ -17,7 +18,7 @@ from armwright.cli.app import app
 from armwright.errors import BusError, RunStopped
 from armwright.twin.serial.arm_servos import ArmServos, ServoFit, ServoSettings
 from armwright.twin.serial.calibration import Calibration
-from armwright.twin.serial.capture import LEAST, approach, capture, plan_capture
+from armwright.twin.serial.capture import LEAST, Captured, approach, capture, plan_capture
 from armwright.twin.serial.client import ServoClient
 from armwright.twin.serial.registers import servo_model
 from armwright.twin.serial.servo_arm import Line, ServoArm
@@ -136,7 +137,9 @@ def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_p
     assert abs(client.read(1, "goal_position") - client.read(1, "present_position")) < 60
 
 
-@pytest.mark.parametrize("asked", [1, 15, None])  # at the first cycle of the approach, of the motion, and never
+@pytest.mark.parametrize(
+    "asked", [1, 2, 16, None]
+)  # before torque, at the first cycle of the approach, of the motion, and never
 def test_release_switches_torque_off_after_a_complete_run(arm, motion, served, monkeypatch, asked):
     monkeypatch.setattr(
         "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
@@ -150,13 +153,14 @@ def test_release_switches_torque_off_after_a_complete_run(arm, motion, served, m
 
     found = capture(plan, Descriptor(one.terminal.device), stopped=stopped)
     expected = {
-        1: ("it was stopped on the way to its beginning", 0),
-        15: ("it was stopped", 1),
+        1: ("it was stopped before torque was switched on", 0),
+        2: ("it was stopped on the way to its beginning", 0),
+        16: ("it was stopped", 1),
         None: ("the motion's end", 26),
     }
     assert found.complete == (asked is None)
     assert (found.reason, len(found.rows)) == expected[asked]
-    assert client_of(one, line).read(3, "torque_enable") == (asked is not None)
+    assert client_of(one, line).read(3, "torque_enable") == (asked not in (1, None))
 
 
 def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motion, served, monkeypatch):
@@ -238,7 +242,7 @@ def test_a_servo_that_falls_silent_ends_it(arm, motion, served, monkeypatch):
 
     def stopped():
         asked.append(True)
-        if len(asked) == 17:  # the third cycle of the motion, behind 14 of the approach
+        if len(asked) == 18:  # the third cycle of the motion, behind 14 of the approach and the question before torque
             one.made.bus.servos[1]["id"] = 77
         return False
 
@@ -299,6 +303,8 @@ def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tm
     assert "dry run: nothing was written" in dry.output
     assert "approach: at most 14.1 s to where the motion begins" in dry.output
     assert "hip" in dry.output
+    wrong = run("--serial", tmp_path / "nowhere", "--period", "0.0005")
+    assert (wrong.exit_code, "--period = 0.0005" in wrong.output) == (2, True)
     wrong = run("--serial", tmp_path / "nowhere", "--go")
     assert (wrong.exit_code, "expected -o LOG.csv beside --go" in wrong.output) == (2, True)
     wrong = run("--serial", tmp_path / "nowhere", "--go", "-o", log)
@@ -345,3 +351,91 @@ def test_an_instruction_to_one_servo_is_sent_three_times():
     assert (client.read(1, "model_number"), client.missed, port.sent) == (777, 2, 3)
     with raises_at(BusError, "model_number of servo 1", "3 tries"):
         ServoClient(Slow(lost=3), port.model, patience=0.01).read(1, "model_number")
+
+
+class Line3:
+    """A port of servo 3: what comes back for the k-th instruction, at once, and later, at the next wait for bytes."""
+
+    def __init__(self, *answers):
+        self.answers, self.now, self.later = list(answers), b"", b""
+        self.sent = []
+
+    def write(self, data):
+        self.sent.append(data)
+        self.now, self.later = self.answers.pop(0) if self.answers else (b"", b"")
+
+    def read(self, seconds):
+        found, self.now = self.now, b""
+        if not found and seconds > 0.0:
+            found, self.later = self.later, b""
+        return found
+
+
+def sts(data, error=0, number=3):
+    return servo_model("sts3215").framing.status(number, error, bytes(data))
+
+
+def test_a_late_answer_is_not_taken_for_that_to_the_next_instruction():
+    model = servo_model("sts3215")
+    port = Line3((b"", b""), (sts([7]), sts([7])), (sts([50]), b""))
+    client = ServoClient(port, model, patience=0.001)
+    assert [client.read(3, name) for name in ("torque_enable", "profile_acceleration")] == [7, 50]
+    eight = list(range(8))
+    port.answers = [(sts(eight), b""), (sts(eight), sts([*eight, 0], number=1))]
+    names = ("present_position", "present_temperature")
+    assert list(client.sync_read([3, 1], names)) == [3]
+    assert list(client.sync_read([3, 1], names)) == [1]  # the answer of servo 3 is one to the reading before
+    assert client.missed == 3
+
+
+def test_frames_that_are_no_answers_are_skipped():
+    model = servo_model("sts3215")
+    other, read = model.framing.pack(3, 3, b"\x2a\x00\x08"), model.framing.pack(3, 2, b"\x03\x02")
+    damaged = bytearray(sts([1, 2], number=5))
+    damaged[3] = 60  # a length that reaches over all that follows
+    port = Line3((b"\x00\xff" + other + read + sts([9]) + bytes(damaged) + sts([9, 3]), b""))
+    assert ServoClient(port, model, patience=0.001).read(3, "model_number") == 777
+
+
+def test_a_line_that_is_never_quiet_ends_the_wait():
+    class Noise:
+        def write(self, data):
+            """Nothing hears it."""
+
+        def read(self, seconds):
+            return b"\xff"
+
+    with raises_at(BusError, "model_number of servo 3", "3 tries"):
+        ServoClient(Noise(), servo_model("sts3215"), patience=0.002).read(3, "model_number")
+
+
+def test_the_end_of_a_terminal_stops_a_run_as_ctrl_c_does():
+    from armwright.cli.servo_arm import stopping
+
+    with stopping(None) as stopped:
+        assert not stopped()
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert stopped()
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        with stopping(None) as stopped:
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not stopped()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_an_error_of_a_run_stays_where_its_log_cannot_be_written_and_a_log_without_rows_is_not(arm, tmp_path):
+    from armwright.cli.servo_arm import keep, kept
+
+    file, found = tmp_path / "log.csv", Captured(JOINTS)
+    file.write_text("before")
+    keep(file, found, arm)
+    stop = RunStopped("was silent")
+    assert kept(stop, file, found, arm) is stop
+    assert file.read_text() == "before"
+    found.began, found.ended, found.rows = [0.0], [0.1], [np.zeros((5, 2))]
+    nowhere = kept(stop, tmp_path / "none" / "log.csv", found, arm)
+    assert (nowhere.what, len(nowhere.problems)) == ("was silent", 2)
+    assert kept(stop, file, found, arm) is stop
+    assert file.read_text().startswith("t [s]")

@@ -208,3 +208,162 @@ def test_the_command_is_dry_by_default_and_refuses_what_is_of_the_other_bus(tmp_
         assert (result.exit_code, said in output) == (code, True), output
     result = CliRunner().invoke(app, ["run-controller", str(file), "--goal-distance", "1"])
     assert (result.exit_code, "--goal-distance = 1.0: is of servos" in result.output) == (2, True)
+
+
+def changed(given, change, model="sts3215", **settings):
+    """A run at whose port a function has its way with every answer: of the port, what was sent, and the answers."""
+    port = served(given.arm, model)
+    rehearsal, write = rehearsed(port, given, **settings), port.write
+
+    def sent(data):
+        write(data)
+        port.waiting = change(port, data, port.waiting)
+
+    port.write = sent
+    return port, lambda **options: run_on_servos(rehearsal, port, **options)
+
+
+def calls(*numbers, act):
+    """Acts on a port at instructions of these numbers, and leaves its answers as they are."""
+    count = iter(range(10**6))
+
+    def change(port, data, answers):
+        return act(port, answers) if next(count) in numbers else answers
+
+    return change
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_an_adapter_that_hears_itself_changes_nothing(model):
+    _port, run = changed(scenario(), lambda port, sent, answers: sent + answers, model)
+    found = run()
+    assert (found.complete, found.captured.missed) == (True, 0)
+
+
+@pytest.mark.parametrize("model", LINES)
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_servo_that_restarts_ends_the_run(model, silent):
+    def restart(port, answers):
+        port.made.bus.servos[0].power_up()
+        return b"" if silent else answers
+
+    given = scenario(reference=lambda t: 0.02 * swing(t))  # so little that no joint is far from its goal without torque
+    _port, run = changed(given, calls(120, 121, act=restart), model)
+    with raises_at(RunStopped, re.compile(r"\w+ of joint 'hip', servo 3")) as stop:
+        run()
+    assert not stop.value.run.complete
+    assert (len(stop.value.run.q) < 50) == silent  # at its first answer, else at the end
+    off = [each.place for each in stop.value.problems[1:]]
+    assert off == ([] if model == "sts3215" else ["joints 'hip'"])  # a goal switches an STS on
+
+
+def test_a_watchdog_that_has_stopped_a_servo_ends_the_run():
+    def pause(port, answers):
+        port.timing.nanoseconds += 500_000_000
+        return answers
+
+    given = scenario(reference=lambda t: 0.02 * swing(t))
+    port, run = changed(given, calls(120, act=pause), "xl330-m288")
+    with raises_at(RunStopped, re.compile(r"\w+ of joint 'hip', servo 3")):
+        run()
+    assert [servo["bus_watchdog"] for servo in port.made.bus.servos] == [0, 0]
+
+
+@pytest.mark.parametrize(("model", "bit"), [("sts3215", "0x20"), ("xl330-m288", "0x80")])
+def test_a_servo_with_an_alarm_is_named_with_it_and_stopped(model, bit):
+    def alarm(port, answers):
+        port.made.bus.servos[0]["hardware_error_status"] = 0x20
+        return answers
+
+    port, run = changed(scenario(), calls(*range(120, 10**4), act=alarm), model)
+    if model != "sts3215":
+        port.made.bus.servos[0]["shutdown"] = 0
+    with raises_at(RunStopped, "joint 'hip', servo 3", bit) as stop:
+        run()
+    assert not np.isnan(stop.value.run.q).any()
+    assert len(stop.value.problems) == 1
+    servo = port.made.bus.servos[0]
+    assert servo["goal_position"] == pytest.approx(servo["present_position"], abs=10)
+
+
+def test_cycles_that_take_longer_than_their_period_end_the_run(monkeypatch):
+    from armwright.twin.serial import capture
+
+    now, sleep, slow = capture.clock.now, capture.clock.sleep_until, [0.0]
+    monkeypatch.setattr(
+        capture, "clock", SimpleNamespace(now=lambda: now() + slow[0], sleep_until=lambda t: sleep(t - slow[0]))
+    )
+
+    def wait(port, sent, answers):
+        slow[0] += 0.02
+        return answers
+
+    port, run = changed(scenario(), wait)
+    with raises_at(RunStopped, "period", "approach", value=PERIOD):
+        run()
+    assert [servo["torque_enable"] for servo in port.made.bus.servos] == [1, 1]
+
+
+def test_a_stop_before_torque_writes_nothing():
+    port, run = changed(scenario(), lambda port, sent, answers: answers)
+    found = run(stopped=lambda: True)
+    assert not found.complete
+    assert found.tables()[0].rows() == [{"joint": n, "largest error": 0.0, "from the simulation": 0.0} for n in JOINTS]
+    assert [servo["torque_enable"] for servo in port.made.bus.servos] == [0, 0]
+
+
+def mute(register, value):
+    """Loses the answers to writes of a value to a register of servo 3."""
+
+    def change(port, sent, answers):
+        each, at = Parser(port.made.bus.framing).feed(sent)[0], servo_model("sts3215").by_name[register]
+        return b"" if (each.number, each.instruction, each.data) == (3, 3, bytes((at.address, value))) else answers
+
+    return change
+
+
+def test_servos_that_were_not_reached_stay_off():
+    port, run = changed(scenario(), mute("profile_acceleration", 254), patience=0.001)
+    with raises_at(RunStopped, re.compile("profile_acceleration = .* of servo 3"), "3 tries"):
+        run()
+    assert [servo["torque_enable"] for servo in port.made.bus.servos] == [0, 0]
+
+
+def test_a_release_that_is_not_answered_keeps_the_run_and_releases_the_others():
+    port, run = changed(scenario(), mute("torque_enable", 0), patience=0.001, release=True)
+    with raises_at(RunStopped, "torque_enable = 0 of servo 3", "3 tries") as stop:
+        run()
+    assert len(stop.value.run.q) == 50
+    assert port.made.bus.servos[1]["torque_enable"] == 0
+
+
+def test_a_servo_that_does_not_answer_at_the_end_is_named():
+    silent = calls(*range(120, 10**4), act=lambda port, answers: b"")
+    _port, run = changed(scenario(), silent, patience=0.001)
+    with raises_at(RunStopped, "joint 'hip', servo 3", "3 cycles") as stop:
+        run(following_error=1.0)
+    assert [each.place for each in stop.value.problems[1:]] == ["joints 'hip', 'knee'"]
+
+
+@pytest.mark.parametrize("line", [Line(baud=0), Line(baud=12345), Line(ids=[1, 254]), Line(ids=[-1, 2])])
+def test_a_line_that_no_servo_has_is_refused(line):
+    with raises_at(BusError, "ids" if line.ids else "baud", value=line.ids or line.baud):
+        rehearse_servos(scenario(), line)
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_a_joint_just_outside_its_limits_of_position_begins_and_ends_at_the_limit(model):
+    given = scenario(reference=lambda t: 0.02 * swing(t))
+    port = served(given.arm, model, start=(-0.05, 0.0))
+    hip = port.made.bus.servos[0]
+    hip["min_position_limit"] = 2048
+    found = run_on_servos(rehearsed(port, given), port)
+    assert found.complete
+    assert hip["goal_position"] == pytest.approx(2048, abs=20)
+    hip["min_position_limit"] = 2100  # as if the joint had been pushed beyond it at the end
+    servos = ArmServos(port, found.rehearsal.fit)
+    stored = found.rehearsal.fit.calibration.joints["hip"].model_copy(update={"range_min": 2100})
+    servos.fit = replace(servos.fit, calibration=replace(servos.fit.calibration, joints={"hip": stored}))
+    servos._prepared = {0: {}}
+    assert servos.hold() == []
+    assert hip["goal_position"] == 2100

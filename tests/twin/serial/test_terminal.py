@@ -1,8 +1,10 @@
 """The pseudo-terminal: raw bytes of a client in this process, servos in this one or in their own."""
 
+import json
 import os
 import random
 import select
+import signal
 import subprocess
 import sys
 import threading
@@ -287,3 +289,27 @@ def test_words_that_are_wrong(tmp_path, capsys):
     ):
         assert main([*words, "--path", str(tmp_path / "port")]) == 1
         assert message in capsys.readouterr().err
+
+
+def test_a_reply_that_no_client_has_room_for_is_not_counted_as_sent():
+    line = client("sts3215")
+    asked = [PING] * 3
+
+    class Full:
+        baud, unsent = 1_000_000, 0
+
+        def read(self, seconds):
+            return asked.pop()
+
+        def write(self, data):
+            self.unsent += 4 if not asked else 0  # of the last one
+
+    found = answer(Full(), line.bus, LockStep(line.bus, 0.02, CycleEnd("sync-write")), lambda: not asked, LONG)
+    assert (found.instructions, found.replies, found.unread) == (3, 2, 1)
+
+
+def test_the_end_of_its_terminal_ends_a_process_of_servos(serve, tmp_path):
+    made = serve("--servo", "sts3215:1").process
+    made.send_signal(signal.SIGHUP)
+    assert json.loads(made.communicate(timeout=LONG)[0])["instructions"] == 0
+    assert not (tmp_path / "port").is_symlink()

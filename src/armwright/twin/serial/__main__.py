@@ -70,8 +70,9 @@ def main(words: Sequence[str] | None = None) -> int:
     """Exit code: 0 after SIGTERM or Ctrl-C, 1 after an error, which it prints."""
     given = _arguments().parse_args(words)
     ended = threading.Event()
-    for name in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(name, lambda *_: ended.set())
+    for name in {signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)}:
+        if signal.getsignal(name) != signal.SIG_IGN:  # which nohup sets, and a shell for Ctrl-C of what runs behind it
+            signal.signal(name, lambda *_: ended.set())
     try:
         servos = _servos(given.servo, _values(given.set))
         plant = KinematicPlant([MIDDLE] * len(servos), voltage=given.voltage)

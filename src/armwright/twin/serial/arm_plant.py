@@ -106,6 +106,7 @@ class ArmPlant:
         period: [s] of a turn.   turn: number of the turn that comes next.   rows: what came into force, and when.
         values: of the parameters by `names` (k,), each from its turn until the next.
         states: x just before every turn, where it is a list; None by default: they are not kept.
+        keeps_rows: False: only the rows in force are kept, so that memory does not grow with time; there is no scenario then.
     Raises:
         BusError: an arm without servos, or with an inductance.   ScenarioError: a start that does not fit.
     """
@@ -135,7 +136,7 @@ class ArmPlant:
         self.names = list(self._places.values())
         self._record = np.array([known[name] for name in self.names])
         q = np.zeros(arm.n) if start is None else np.asarray(start, dtype=float)
-        self.start = q
+        self.start, self.keeps_rows = q, True
         self.rows = [PlantRow(0, q.copy(), np.zeros(arm.n))]
         self.values: list[tuple[int, np.ndarray]] = [(0, self._record.copy())]
         self._runner = LoopRunner(self.scenario(1))
@@ -149,7 +150,13 @@ class ArmPlant:
         self.states: list[np.ndarray] | None = None
 
     def scenario(self, turns: int) -> Scenario:
-        """The scenario of all goals so far, with the first values of the parameters, over so many turns."""
+        """The scenario of all goals so far, with the first values of the parameters, over so many turns.
+
+        Raises:
+            BusError: goals were not kept.
+        """
+        if not self.keeps_rows:
+            raise BusError("goals were not kept", place="schedule", expected="a schedule from the beginning")
         return Scenario(
             self.arm,
             turns * self.period,
@@ -232,7 +239,7 @@ class ArmPlant:
             if not np.array_equal(new, old):
                 self._set_rows(block, new)
         if not (np.array_equal(wanted, last.goals) and np.array_equal(enabled, last.enabled)):
-            if last.turn == self.turn:
+            if last.turn == self.turn or not self.keeps_rows:
                 self.rows.pop()
             self.rows.append(row)
         self._put_values(goals, enabled > 0.0)
@@ -272,7 +279,7 @@ class ArmPlant:
         if np.array_equal(now, self.values[-1][1]) and not first:
             return
         if not np.array_equal(now, self.values[-1][1]):
-            if self.values[-1][0] == self.turn:
+            if self.values[-1][0] == self.turn or not self.keeps_rows:
                 self.values.pop()
             self.values.append((self.turn, now))
         if "p" in self._lanes.blocks:

@@ -15,12 +15,13 @@ An XL330 or XL430 gets its bus watchdog. An STS servo has none: if the computer 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import tau
 
 import numpy as np
 
-from armwright.errors import BusError, check_known
+from armwright.errors import BusError, Problem, check_known
 from armwright.model import Model
 from armwright.trajectory.limits import MotionLimits
 from armwright.twin.serial.arm_plant import Mounting
@@ -29,7 +30,7 @@ from armwright.twin.serial.client import PATIENCE, Port, ServoClient
 from armwright.twin.serial.dynamixel import TIMED_PROFILE
 from armwright.twin.serial.frames import FEETECH
 from armwright.twin.serial.registers import ServoModel, servo_model
-from armwright.twin.serial.servo_arm import Line, ids_of, mountings_of
+from armwright.twin.serial.servo_arm import Line, check_baud, ids_of, mountings_of
 
 MISSED = 3  # cycles in a row in which a servo may be silent
 MARGIN, SLOW = 1.5, 0.2  # of the goals' largest speed, and [rad/s]: the least goal speed
@@ -88,9 +89,10 @@ class ServoFit:
         """The fit of a line's servos, with ids, zeros and directions of the calibration where it has them.
 
         Raises:
-            BusError: ids, zeros or joints that the arm does not have, or that contradict the calibration.
+            BusError: ids, zeros or joints that the arm does not have, or that contradict the calibration; no such baud rate.
         """
         model = servo_model(line.model)
+        check_baud(model, line.baud)
         if calibration is not None:
             line = _calibrated(arm, line, model, calibration)
         ids, mountings = ids_of(arm, line.ids), mountings_of(arm, line, model)
@@ -171,13 +173,16 @@ class ArmServos:
         port: open.   fit: of the servos.   patience: [s] for the answers to an instruction.
 
     Attributes:
-        client: of the port.   written: (n,) [rad] goals in force; NaN before the first.   silent: (n,) cycles without an answer.
+        client: of the port.   written: (n,) [rad] goals in force; NaN before the first.
+        silent: (n,) cycles in a row without an answer that has no error.
     """
 
     def __init__(self, port: Port, fit: ServoFit, patience: float = PATIENCE):
         self.fit, self.client = fit, ServoClient(port, fit.model, patience)
         self.written, self.silent = np.full(fit.arm.n, np.nan), np.zeros(fit.arm.n, dtype=int)
         self._load = "present_load" if "present_load" in fit.model.by_name else "present_pwm"
+        self._returned = np.zeros(fit.arm.n, dtype=bool)  # servos that answer again
+        self._prepared: dict[int, dict[str, int]] = {}  # values of registers since `prepare`, by joint
 
     def read_calibration(self, line: Line | None = None) -> Calibration:
         """Calibration that the servos hold, with the zeros and directions of a line where it has them; only reads.
@@ -246,7 +251,7 @@ class ArmServos:
         """
         units, registers, client = self.fit.model.units, self.fit.model.by_name, self.client
         for i, number in enumerate(self.fit.ids):
-            count = abs(self.fit.mountings[i].radians)
+            count, written = abs(self.fit.mountings[i].radians), dict[str, int]()
             for name, value in (
                 ("profile_acceleration", acceleration[i] / (count * units["acceleration"])),
                 ("profile_velocity", speed[i] / (count * units["speed"])),
@@ -255,11 +260,39 @@ class ArmServos:
                 high = registers[name].high
                 most = registers[name].largest if high is None else high
                 client.write(number, name, round(min(max(value, 1.0), most)))
-            client.write(number, "goal_position", client.read(number, "present_position"))
+                written[name] = client.read(number, name)  # which a firmware may have limited
+            self._prepared[i] = {"torque_enable": 1, **written}
+            client.write(number, "goal_position", self._nearest_goal(i, client.read(number, "present_position")))
             client.write(number, "torque_enable", 1)
             if "bus_watchdog" in registers:
-                client.write(number, "bus_watchdog", round(WATCHDOG / WATCH))
+                self._prepared[i]["bus_watchdog"] = round(WATCHDOG / WATCH)
+                client.write(number, "bus_watchdog", self._prepared[i]["bus_watchdog"])
         self.written = self.positions()
+
+    def _nearest_goal(self, joint: int, count: int) -> int:
+        """The goal that is nearest to a position [counts]: a Dynamixel refuses one beyond its limits of position."""
+        if self.fit.calibration is None:
+            return count
+        stored = self.fit.calibration.joints[self.fit.arm.names[joint]]
+        return min(max(count, stored.range_min), stored.range_max)
+
+    def confirm(self, joints: Iterable[int] | None = None) -> None:
+        """Refuses servos that no longer have what `prepare` wrote: one that restarted has other limits and no torque or
+        watchdog, one whose watchdog stopped it takes no goals.
+
+        Args:
+            joints: by number; default all.
+        Raises:
+            BusError: names the joint and the register; a servo that does not answer.
+        """
+        for i in self._prepared if joints is None else joints:
+            number = self.fit.ids[i]
+            for name, value in self._prepared[i].items():
+                found = self.client.read(number, name)
+                if found != value:
+                    place = f"{name} of joint {self.fit.arm.names[i]!r}, servo {number}"
+                    what = "the servo has restarted, or its watchdog has stopped it"
+                    raise BusError(what, place=place, value=found, expected=f"{value}, as it was written")
 
     def read(self) -> np.ndarray:
         """Goal in force [rad], position [rad], speed [rad/s], load [1] and voltage [V] (5, n); NaN of a silent servo."""
@@ -276,7 +309,9 @@ class ArmServos:
                     values[self._load] * per_load * at.direction,
                     0.1 * values["present_voltage"],
                 )
-        self.silent = np.where(np.isnan(row[Q]), self.silent + 1, 0)
+        alarmed = np.array([number in self.client.alarms for number in fit.ids])
+        silent = np.where(np.isnan(row[Q]) | alarmed, self.silent + 1, 0)
+        self._returned, self.silent = (self.silent > 0) & (silent == 0), silent
         return row
 
     def command(self, goals: np.ndarray, row: np.ndarray, step: float, when: str) -> None:
@@ -285,12 +320,15 @@ class ArmServos:
         Args:
             goals: (n,) [rad].   row: (5, n) the reading of this cycle.   step: [rad].   when: of the cycle, for errors.
         Raises:
-            BusError: a goal that is no number, beyond the limits, or too far from its joint; a servo that is silent.
+            BusError: a goal that is no number, beyond the limits, or too far from its joint; a servo that is silent, answers with
+                errors, or answers again after it has restarted.
         """
         fit = self.fit
         for i, name in enumerate(fit.arm.names):
             if self.silent[i] >= MISSED:
-                raise BusError(f"was silent for {MISSED} cycles", place=f"joint {name!r}, servo {fit.ids[i]}")
+                error = self.client.alarms.get(fit.ids[i])
+                what = "was silent" if error is None else f"answers with {self.client.alarm(error)}"
+                raise BusError(f"{what} for {MISSED} cycles", place=f"joint {name!r}, servo {fit.ids[i]}")
             low, high = fit.allowed[i]
             if not low - ROUNDING <= goals[i] <= high + ROUNDING:
                 what, expected = f"its goal is {goals[i]:.4g} rad {when}", f"{low:.4g} to {high:.4g}, its limits"
@@ -298,25 +336,46 @@ class ArmServos:
             if abs(goals[i] - row[Q][i]) > step:
                 what = f"is {abs(goals[i] - row[Q][i]):.3g} rad from its goal {when}"
                 raise BusError(what, place=f"joint {name!r}", expected=f"at most {step:g}")
+        self.confirm(np.flatnonzero(self._returned).tolist())
         counts = [round(at.counts(q)) for at, q in zip(fit.mountings, goals, strict=True)]
         self.client.sync_write("goal_position", dict(zip(fit.ids, counts, strict=True)))
         self.written = np.array(goals, dtype=float)
 
-    def hold(self) -> None:
-        """Makes the present position the goal of every servo that answers; torque stays on."""
-        for number in self.fit.ids:
+    def hold(self) -> list[Problem]:
+        """Makes the present position the goal of every servo that `prepare` reached and that answers; torque stays on.
+
+        Returns:
+            problems: joints that could not be stopped, and joints without torque.
+        """
+        client, watched = self.client, "bus_watchdog" in self.fit.model.by_name
+        lost, off = list[str](), list[str]()
+        for i in self._prepared:
+            number, name = self.fit.ids[i], repr(self.fit.arm.names[i])
             try:
-                if "bus_watchdog" in self.fit.model.by_name:
-                    self.client.write(number, "bus_watchdog", 0)
-                self.client.write(number, "goal_position", self.client.read(number, "present_position"))
+                if watched:
+                    client.write(number, "bus_watchdog", 0, despite_alarm=True)
+                position = client.read(number, "present_position", despite_alarm=True)
+                client.write(number, "goal_position", self._nearest_goal(i, position), despite_alarm=True)
+                if not client.read(number, "torque_enable", despite_alarm=True):
+                    off.append(name)
             except BusError:
-                continue  # the others are to stop all the same
+                lost.append(name)  # the others are to stop all the same
+        then = "their watchdog stops them" if watched else "they go to their last goals and hold them"
+        found = [(lost, f"servos that did not answer when they were to stop: if they have power, {then}")]
+        found += [(off, "servos whose torque is off: nothing holds these joints")]
+        return [Problem(what, f"joints {', '.join(names)}") for names, what in found if names]
 
     def release(self) -> None:
         """Switches torque off; an arm that nothing else holds falls.
 
         Raises:
-            BusError: a servo does not answer.
+            BusError: servos that do not answer; those that do are released all the same.
         """
+        problems = list[Problem]()
         for number in self.fit.ids:
-            self.client.write(number, "torque_enable", 0)
+            try:
+                self.client.write(number, "torque_enable", 0, despite_alarm=True)
+            except BusError as error:
+                problems += error.problems
+        if problems:
+            raise BusError.of(*problems)

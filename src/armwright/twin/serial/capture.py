@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
-from armwright.errors import BusError, RunStopped
+from armwright.errors import BusError, Problem, RunStopped
 from armwright.identification.logs.write import write_measured
 from armwright.model import Model
 from armwright.results.csv_tables import write_table
@@ -30,7 +30,9 @@ from armwright.twin.serial.servo_arm import Line
 
 COMPLETE = "the motion's end"  # why a run ended
 LEAST = 0.5  # [s] of an approach
+LATE, BEHIND = 0.5, 0.5  # of a period: a cycle that began later is counted; [s] that a run may be behind its times
 COLUMNS = {"goal": (GOAL, "rad"), "q": (Q, "rad"), "qd": (QD, "rad/s"), "load": (LOAD, "1"), "voltage": (VOLTAGE, "V")}
+BEFORE = "it was stopped before torque was switched on"
 MOTOR = "motor_voltage"  # [V] of a motor, the load's part of the supply
 
 
@@ -123,7 +125,8 @@ class Captured:
 
     Attributes:
         names: of the joints.   began, ended: (k,) [s].   rows: (5, n) each: goal in force [rad], q [rad], qd [rad/s], load [1],
-            voltage [V]; NaN of a servo that was silent.   missed: answers that did not come.   reason: why it ended.
+            voltage [V]; NaN of a servo that was silent.   missed: answers that did not come.
+        late: cycles that began more than half a period late.   reason: why it ended.
     """
 
     names: tuple[str, ...]
@@ -132,11 +135,16 @@ class Captured:
     rows: list[np.ndarray] = field(default_factory=list)
     missed: int = 0
     reason: str = COMPLETE
+    late: int = 0
 
     @property
     def complete(self) -> bool:
         """True unless something ended it early."""
         return self.reason == COMPLETE
+
+    def __str__(self) -> str:
+        late = f", {self.late} of {len(self.rows)} cycles late" if self.late else ""
+        return f"{self.reason}, {self.missed} answers missed{late}"
 
     def write(self, path: Path, arm: Model) -> Path:
         """Writes a CSV file, and beside it the log file NAME.log.toml, which `identify` and `validate` read.
@@ -202,13 +210,17 @@ def capture(
     Raises:
         BusError: no calibration, servos that differ from it or do not answer, an arm that stands too far beyond its limits:
             before torque.
-        RunStopped: a servo that was silent, or too far from its goal; `run` is what was captured.
+        RunStopped: a servo that was silent, has restarted or was too far from its goal, cycles longer than their period, a joint
+            that could not be stopped or released at the end; `run` is what was captured.
     """
     servos = ArmServos(port, plan.fit, plan.settings.patience)
     servos.check_permitted()
     first = approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)
     say(f"approach of {first}")
     found = Captured(tuple(plan.fit.arm.names))
+    if stopped():
+        found.reason = BEFORE
+        return found
     with ending(servos, found, plan.settings):
         servos.prepare(plan.speed, plan.acceleration, plan.settings.torque)
         if go_to(servos, first, plan.settings, found, stopped):
@@ -221,20 +233,27 @@ def ending(servos: ArmServos, found: Captured, settings: ServoSettings, run: Any
     """Stops the arm at the end of what stands inside, whatever ends it, and releases it after a complete run if that was said.
 
     Raises:
-        RunStopped: in place of a BusError; its `run` is that of the arguments, else what was captured.
+        RunStopped: in place of a BusError, and if joints could not be stopped or released; its `run` is that of the arguments,
+            else what was captured.
     """
+    problems, held = list[Problem](), list[Problem]()
     try:
         yield
     except BusError as error:
-        found.reason = str(error)
-        stop = RunStopped.of(*error.problems)
-        stop.run = run or found
-        raise stop from None
+        problems += error.problems
     finally:
         found.missed = servos.client.missed
-        servos.hold()
-    if settings.release and found.complete:
-        servos.release()
+        held += servos.hold()
+    if settings.release and found.complete and not problems:
+        try:
+            servos.release()
+        except BusError as error:
+            problems += error.problems
+    if problems or held:
+        stop = RunStopped.of(*problems, *held)
+        found.reason = str(BusError.of(*problems)) if problems else f"{found.reason}; {stop}"
+        stop.run = run or found
+        raise stop from None
 
 
 def go_to(
@@ -269,12 +288,19 @@ def play(
         servos: with torque on.   times: (k,) [s] of cycles.   goal: of a cycle's number and its reading (5, n): (n,) [rad].
         settings: of the run.   found: takes the rows.   stopped: is asked once a cycle.   part: of the run, for errors.
     Raises:
-        BusError: a servo that was silent, a goal that is too far from its joint or beyond its limits.
+        BusError: a servo that was silent or has restarted, a goal that is too far from its joint or beyond its limits, cycles
+            that take longer than their period.
     """
     start = clock.now()
     for k, time in enumerate(times):
         clock.sleep_until(start + time)
         began = clock.now() - start
+        found.late += began - time > LATE / settings.rate
+        if began - time > BEHIND and not servos.silent.any():  # else the wait for an answer is the cause
+            what = f"the cycle at {time:g} s{part} began {began - time:.3g} s late; a cycle took {began / k:.3g} s"
+            raise BusError(
+                what, place="period", value=1.0 / settings.rate, expected="one that frames and adapter fit into"
+            )
         row = servos.read()
         found.began.append(began)
         found.ended.append(clock.now() - start)
@@ -283,4 +309,5 @@ def play(
             found.reason = "it was stopped"
             return False
         servos.command(goal(k, row), row, settings.step, f"at {time:g} s{part}")
+    servos.confirm()
     return True

@@ -7,12 +7,15 @@ from typing import Any, Protocol
 
 from armwright.errors import BusError
 from armwright.twin import clock
-from armwright.twin.serial.frames import BROADCAST, DYNAMIXEL, Frame, Parser
+from armwright.twin.serial.frames import BROADCAST, DYNAMIXEL, FEETECH, Frame, Parser
 from armwright.twin.serial.registers import Register, ServoModel
 
 PATIENCE = 0.05  # [s] for all answers to an instruction, beside their bytes
 TRIES = 3  # of an instruction to one servo
 INSTALL = 'pip install "armwright[twin]"'
+# Bits of an answer's error that tell a servo's condition: the instruction was carried out all the same.
+FEETECH_ALARMS = {0x01: "voltage", 0x02: "encoder", 0x04: "temperature", 0x08: "current", 0x20: "overload"}
+DYNAMIXEL_ALARMS = {0x80: "hardware error"}
 
 
 class Port(Protocol):
@@ -83,51 +86,61 @@ class ServoClient:
         port: open.   model: of all servos.   patience: [s] for answers.
 
     Attributes:
-        missed: answers that did not come.
+        missed: answers that did not come.   alarms: error of each servo's last answer to `sync_read`, by id.
     """
 
     def __init__(self, port: Port, model: ServoModel, patience: float = PATIENCE):
         self.port, self.model, self.patience, self.missed = port, model, patience, 0
+        self.alarms: dict[int, int] = {}
+        self._longer = 0
+        self._names = FEETECH_ALARMS if model.framing is FEETECH else DYNAMIXEL_ALARMS
+        self._conditions = 0xFF if model.framing is FEETECH else 0x80  # a Feetech answer has no other errors
         self._codes = {name: code for code, name in model.framing.instructions.items()}
 
-    def read(self, number: int, name: str) -> int:
+    def read(self, number: int, name: str, *, despite_alarm: bool = False) -> int:
         """A register's value.
 
+        Args:
+            number: id.   name: of the register.   despite_alarm: True: an alarm of the servo is no error.
         Raises:
             BusError: no answer, or one with an error.
         """
         register = self.model.by_name[name]
-        data = self._one(number, "read", self._words(register.address, register.size), f"{name} of servo {number}")
-        return register.decode(data)
+        data, what = self._words(register.address, register.size), f"{name} of servo {number}"
+        return register.decode(self._one(number, "read", data, register.size, what, despite_alarm))
 
-    def write(self, number: int, name: str, value: int) -> None:
+    def write(self, number: int, name: str, value: int, *, despite_alarm: bool = False) -> None:
         """Writes a register, and waits for the answer.
 
+        Args:
+            number: id.   name: of the register.   value: to be written.   despite_alarm: True: an alarm of the servo is no error.
         Raises:
             BusError: no answer, or one with an error.
         """
         register = self.model.by_name[name]
         data = self._words(register.address) + register.encode(value)
-        self._one(number, "write", data, f"{name} = {value} of servo {number}")
+        self._one(number, "write", data, 0, f"{name} = {value} of servo {number}", despite_alarm)
 
     def sync_read(self, numbers: Sequence[int], names: Sequence[str]) -> dict[int, dict[str, int]]:
-        """Registers of several servos at once, by id; of those that answer without an error.
+        """Registers of several servos at once, by id; of those that answer. `alarms` has the errors of these answers.
 
         Args:
             numbers: ids.   names: of registers; what lies between them is read too.
         """
         registers = [self.model.by_name[name] for name in names]
         first, end = min(each.address for each in registers), max(each.end for each in registers)
-        data = self._words(first, end - first) + bytes(numbers)
-        frames = self._transact(BROADCAST, "sync-read", data, len(numbers))
-        found = {}
-        for frame in frames:
-            error, content = self._status(frame)
-            if not error and len(content) == end - first and frame.number in numbers:
-                found[frame.number] = {
-                    name: _part(each, content, first) for name, each in zip(names, registers, strict=True)
-                }
+        # After a reading with silent servos the next one has another length, so that late answers are not taken for it.
+        size = end - first + self._longer
+        answers = self._transact(BROADCAST, "sync-read", self._words(first, size) + bytes(numbers), numbers, size)
+        self.alarms = {number: error for number, (error, _) in answers.items() if error}
+        found = {
+            number: {name: _part(each, content, first) for name, each in zip(names, registers, strict=True)}
+            for number, (_, content) in answers.items()
+            if content
+        }
         self.missed += len(numbers) - len(found)
+        if len(found) < len(numbers):
+            self._longer = (self._longer + 1) % 3
         return found
 
     def sync_write(self, name: str, values: Mapping[int, int]) -> None:
@@ -140,36 +153,63 @@ class ServoClient:
     def _words(self, *values: int) -> bytes:
         return b"".join(value.to_bytes(self.model.framing.word, "little") for value in values)
 
-    def _status(self, frame: Frame) -> tuple[int, bytes]:
-        """Error and data of an answer."""
-        if self.model.framing is DYNAMIXEL:
-            return (frame.data[0], frame.data[1:]) if frame.data else (0, b"")
-        return frame.instruction, frame.data
+    def alarm(self, error: int) -> str:
+        """An answer's error in words."""
+        names = [name for bit, name in self._names.items() if error & bit]
+        return f"the error {error:#04x}{' (' if names else ''}{', '.join(names)}{')' if names else ''}"
 
-    def _one(self, number: int, instruction: str, data: bytes, what: str) -> bytes:
-        for _ in range(TRIES):  # a read, or a write of one value, may be repeated
-            frames = [each for each in self._transact(number, instruction, data, 1) if each.number == number]
-            if frames:
-                error, content = self._status(frames[0])
-                if error:
-                    raise BusError(f"was answered with the error {error:#04x}", place=what)
+    def _status(self, frame: Frame, size: int) -> tuple[int, bytes] | None:
+        """Error and data of an answer with so many bytes of data; None of another frame."""
+        if self.model.framing is DYNAMIXEL:
+            if frame.instruction != DYNAMIXEL.reply or not frame.data:
+                return None
+            error, data = frame.data[0], frame.data[1:]
+        else:
+            error, data = frame.instruction, frame.data
+        return (error, data) if len(data) == size or (error & ~self._conditions and not data) else None
+
+    def _one(self, number: int, instruction: str, data: bytes, size: int, what: str, despite_alarm: bool) -> bytes:
+        for tried in range(TRIES):  # a read, or a write of one value, may be repeated
+            answers = self._transact(number, instruction, data, [number], size)
+            if answers:
+                self._drain(self.patience if tried else 0.0)  # the next instruction shall not take another try's answer
+                error, content = answers[number]
+                if error and not (despite_alarm and not error & ~self._conditions):
+                    raise BusError(f"was answered with {self.alarm(error)}", place=what)
                 return content
             self.missed += 1
         raise BusError(f"no answer to {TRIES} tries", place=what, expected="a servo with that id, at this baud rate")
 
-    def _transact(self, number: int, instruction: str, data: bytes, answers: int) -> list[Frame]:
-        """Sends an instruction; frames that come back, as many as are expected or until the time is over."""
-        while self.port.read(0.0):  # what came too late for the instruction before
-            pass
-        self.port.write(self.model.framing.pack(number, self._codes[instruction], data))
-        parser, frames, end = Parser(self.model.framing), list[Frame](), clock.now() + self.patience
-        while len(frames) < answers:
+    def _transact(
+        self, number: int, instruction: str, data: bytes, numbers: Sequence[int], size: int
+    ) -> dict[int, tuple[int, bytes]]:
+        """Sends an instruction; error and data of the answers, by id, until all have come or the time is over.
+
+        Frames that are no answers to it are skipped, such as its echo on a line whose adapter hears itself.
+        """
+        code = self._codes[instruction]
+        self._drain(0.0)  # what came too late for the instruction before
+        self.port.write(self.model.framing.pack(number, code, data))
+        parser, found, end = Parser(self.model.framing), dict[int, tuple[int, bytes]](), clock.now() + self.patience
+        while len(found) < len(numbers):
             left = end - clock.now()
-            data = self.port.read(max(left, 0.0))
-            if not data and left <= 0.0:  # bytes that came while this process had to wait count
+            frames = parser.feed(self.port.read(max(left, 0.0)))
+            if left <= 0.0:  # bytes that came while this process had to wait count, and frames behind a damaged one
+                frames += parser.drop()
+            for frame in frames:
+                answer = self._status(frame, size)
+                is_echo = (frame.number, frame.instruction, frame.data) == (number, code, data)
+                if answer is not None and frame.number in numbers and not is_echo:
+                    found.setdefault(frame.number, answer)
+            if left <= 0.0:
                 break
-            frames += parser.feed(data)
-        return frames
+        return found
+
+    def _drain(self, seconds: float) -> None:
+        """Drops bytes that are there or come within a time [s]; those of a line that never is quiet until the patience ends."""
+        began, data = clock.now(), b"-"
+        while data and clock.now() - began < self.patience:
+            data = self.port.read(max(began + seconds - clock.now(), 0.0))
 
 
 def _part(register: Register, content: bytes, first: int) -> int:

@@ -32,7 +32,7 @@ from armwright.twin.serial.arm_plant import LIMIT, Mounting, require_servos
 from armwright.twin.serial.arm_servos import MEASURED, ArmServos, Q, ServoFit, ServoSettings
 from armwright.twin.serial.bus import wire_time
 from armwright.twin.serial.calibration import Calibration
-from armwright.twin.serial.capture import Captured, approach, ending, go_to, play
+from armwright.twin.serial.capture import BEFORE, COLUMNS, Captured, approach, ending, go_to, play
 from armwright.twin.serial.client import Port
 from armwright.twin.serial.frames import BROADCAST
 from armwright.twin.serial.registers import ServoModel
@@ -238,7 +238,7 @@ class ServoRun(Result):
     @property
     def q(self) -> np.ndarray:
         """(k, n) measured positions [rad]; NaN of a servo that was silent."""
-        return np.array(self.captured.rows).reshape(len(self.captured.rows), -1, self.rehearsal.scenario.arm.n)[:, Q]
+        return np.array(self.captured.rows).reshape(-1, len(COLUMNS), self.rehearsal.scenario.arm.n)[:, Q]
 
     @property
     def heading(self) -> str:
@@ -256,8 +256,8 @@ class ServoRun(Result):
         return self.complete
 
     def sentences(self) -> list[str]:
-        """Cause of the end, and the number of missed answers."""
-        return [f"ended by {self.captured.reason}; {self.captured.missed} answers missed"]
+        """Cause of the end, and the numbers of missed answers and late cycles."""
+        return [f"ended by {self.captured}"]
 
     def tables(self) -> list[Table]:
         """A row for each joint: its largest error, and its largest difference from the simulated run."""
@@ -290,8 +290,7 @@ def run_on_servos(
         run: what was measured; not complete if it was stopped.
     Raises:
         BusError: no calibration, servos that differ from it or do not answer, an arm too far beyond its limits: before torque.
-        RunStopped: a servo that was silent, a goal too far from its joint, a following error that is too large; `run` is what
-            was recorded.
+        RunStopped: as of `capture`, and a following error that is too large; `run` is what was recorded.
     """
     fit, settings = rehearsal.fit, rehearsal.settings
     most = np.maximum(MARGIN * rehearsal.largest_error, LEAST_ERROR)
@@ -306,6 +305,9 @@ def run_on_servos(
     say(f"approach of {first}")
     found = Captured(tuple(fit.arm.names))
     run = ServoRun(rehearsal, found)
+    if stopped():
+        found.reason = BEFORE
+        return run
     seen = np.array(start)
 
     def goal(tick: int, row: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from armwright.features import Support
 from armwright.model import Model
 from armwright.twin.serial.arm_plant import WITHOUT_INDUCTANCE, ArmPlant, Mounting, require_servos
 from armwright.twin.serial.bus import ServoBus, make_servo
+from armwright.twin.serial.frames import BROADCAST
 from armwright.twin.serial.registers import ServoModel, servo_model
 from armwright.twin.serial.replay import write_goals
 from armwright.twin.serial.servo import Servo
@@ -108,7 +109,7 @@ class ServoArm:
         Args:
             path: of the link that clients open; None: they open the device that `ready` receives.
             cycle: period [s], and the instruction that closes a cycle, such as "sync-write:42": lock-step; None: real time.
-            schedule: NAME.scenario.toml for the goals that came, written at the beginning and at the end.
+            schedule: NAME.scenario.toml for the goals that came, written at the beginning and the end; None: goals are not kept.
             ready: called with the device that clients open.   patience: [s] after which a reply is dropped.
         Returns:
             counts: of instructions and replies.
@@ -118,6 +119,7 @@ class ServoArm:
         """
         end = None if cycle is None else CycleEnd.parse(cycle[1], self.bus.framing)
         timing = None if cycle is None or end is None else LockStep(self.bus, cycle[0], end)
+        self.plant.keeps_rows = schedule is not None
         if schedule is not None:
             write_goals(self.plant, schedule)
         with Terminal(path) as terminal:
@@ -133,11 +135,13 @@ def ids_of(arm: Model, ids: Sequence[int] | None) -> list[int]:
     """Ids of an arm's servos, 1, 2, … by default.
 
     Raises:
-        BusError: another number of them than joints, or one twice.
+        BusError: another number of them than joints, one twice, or one that no servo has.
     """
     found = list(range(1, arm.n + 1)) if ids is None else list(ids)
-    if len(found) != arm.n or len(set(found)) != len(found):
-        raise BusError(place="ids", value=found, expected=f"{arm.n} different ones: {', '.join(arm.names)}")
+    if len(found) != arm.n or len(set(found)) != len(found) or not all(0 <= number < BROADCAST for number in found):
+        raise BusError(
+            place="ids", value=found, expected=f"{arm.n} different ones: {', '.join(arm.names)}; ids are 0 to 253"
+        )
     return found
 
 
@@ -159,12 +163,20 @@ def mountings_of(arm: Model, line: Line, model: ServoModel) -> list[Mounting]:
     ]
 
 
+def check_baud(model: ServoModel, baud: int) -> None:
+    """Refuses a baud rate [bit/s] that servos do not have.
+
+    Raises:
+        BusError: says which there are.
+    """
+    if baud not in model.bauds:
+        choices = [str(each) for each in model.bauds]
+        raise BusError(f"{model.name} has no such rate", place="baud", value=baud, choices=choices)
+
+
 def _servo(arm: Model, joint: int, model: ServoModel, number: int, baud: int) -> Servo:
     """A servo whose registers hold, as nearly as they can, the numbers of the record."""
-    if baud not in model.bauds:
-        raise BusError(
-            f"{model.name} has no such rate", place="baud", value=baud, choices=[str(b) for b in model.bauds]
-        )
+    check_baud(model, baud)
     values = {"baud_rate": model.bauds.index(baud)}
     known, per_count = arm.parameters, Mounting(model.counts).radians
     for key, names in HELD_IN.items():

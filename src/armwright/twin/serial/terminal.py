@@ -124,11 +124,13 @@ def _check_link(path: Path) -> None:
 
 @dataclass
 class Counts:
-    """Counts of a server: instructions, replies that were sent, and replies that were dropped because they were late."""
+    """Counts of a server: instructions, replies that were sent, that were dropped because they were late, and that no client
+    had room for."""
 
     instructions: int = 0
     replies: int = 0
     late: int = 0
+    unread: int = 0
     baud_rates: set[int] = field(default_factory=set)
 
 
@@ -185,6 +187,9 @@ def _serve(
                     counts.late += 1
                     timing.late(late)
                 else:
+                    before = terminal.unsent
                     terminal.write(reply.data)
-                    counts.replies += 1
+                    whole = terminal.unsent == before
+                    counts.replies += whole
+                    counts.unread += not whole
             timing.close(frame)
