@@ -14,6 +14,7 @@ from identification.arm.logged_machine import Machine, Motion, read, written
 
 T = np.arange(10000) / 500
 JOINT = 2  # the third
+TWISTED, STIFFNESS = np.arange(4000) / 500, 1500.0  # [s], [N m/rad]
 ABOUT = ("deviations)", "cut off at a limit", "off the rows beside")
 
 
@@ -92,6 +93,39 @@ def test_gears_that_lose_power_without_the_record_are_named_each(size, explains,
     scores = [Score("j2", "rad", "gear", size, 0.003, 30 * sign, explains)]
     scores += [Score("j3", "rad", "gear", size, 0.01, 8 * sign, 0.2)]
     assert (len(made_up_for(scores)), len(list(suspicions(scores)))) == said
+
+
+@pytest.mark.parametrize(
+    ("side", "size"), [("motor", 1.0 / STIFFNESS), ("links", None)], ids=["positions of motors", "positions of links"]
+)
+def test_gears_that_give_way_are_named_and_are_no_arm_that_is_identified(tmp_path, side, size):
+    """By Pinocchio:  θ = q + u/K,  tau = I θ̈ + v θ̇ + u,  u the links' torque."""
+    machine, motion, rng = (
+        Machine.written(tmp_path, 3, 0),
+        Motion.of(3, 0, seconds=4.0, speed=2.0),
+        np.random.default_rng(0),
+    )
+    before, u, after = (machine.torque(*motion.at(TWISTED + dt), link_only=True) for dt in (-1e-3, 0.0, 1e-3))
+    rates = u, (after - before) / 2e-3, (after - 2.0 * u + before) / 1e-6
+    moved = [each + by / STIFFNESS for each, by in zip(motion.at(TWISTED), rates, strict=True)]
+    tau = machine.rotor * moved[2] + machine.viscous * moved[1] + u
+    tau = tau + 0.01 * rng.normal(size=tau.shape)
+    q = (moved if side == "motor" else motion.at(TWISTED))[0] + 2e-7 * rng.normal(size=tau.shape)
+    log = read(written(tmp_path, "log", machine.names, {"t": TWISTED, "position": q, "torque": tau}))
+    found = aw.identification.identify_arm(log, machine.arm, record=False, checks=())
+    assert found.verdict == "not identified"
+    said = [each for each in found.estimate.remarks if "gives way" in each]
+    assert said
+    for each in said if size else []:
+        stated = float(re.search(r"by ([0-9.e-]+) rad/\(N m\)", each)[1])
+        assert stated == pytest.approx(size, rel=0.3)
+    assert not any("motion that they belong to" in each for each in found.estimate.remarks)
+
+
+@pytest.mark.parametrize(("size", "said"), [(3.0, 1), (56.8, 0), (-56.8, 0)])
+def test_no_zero_is_said_to_be_more_than_half_a_turn_off(size, said):
+    scores = [Score("j2", "rad", "position zero", size, 0.1, 10.0 * size, 0.9)]
+    assert len(list(suspicions(scores))) == said
 
 
 @pytest.mark.parametrize("seed", range(2))

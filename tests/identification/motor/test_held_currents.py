@@ -49,7 +49,7 @@ inertia_kg_m2 = { xx = 0, xy = 0, xz = 0, yy = 0, yz = 0, zz = 0 }
 """
 
 
-def bench(folder: Path, seed: int) -> tuple[Path, Path]:
+def bench(folder: Path, seed: int, coulomb: float = COULOMB) -> tuple[Path, Path]:
     """Paths of a log of random currents, each held for a row, and of a record with other numbers."""
     rng = np.random.default_rng(seed)
     i, w, speeds = rng.uniform(-1.0, 1.0, 800), 0.0, np.zeros(800)
@@ -58,9 +58,9 @@ def bench(folder: Path, seed: int) -> tuple[Path, Path]:
         speeds[k] = w
         for part in range(PARTS):
             torque = KT * i[max(int(np.floor(k + part / PARTS - DELAY)), 0)]
-            if w == 0.0 and abs(torque) <= COULOMB:
+            if w == 0.0 and abs(torque) <= coulomb:
                 continue
-            ends = (torque - COULOMB * np.sign(w or torque)) / VISCOUS
+            ends = (torque - coulomb * np.sign(w or torque)) / VISCOUS
             after = ends + (w - ends) * decay
             w = 0.0 if after * w < 0.0 else after
     columns = np.column_stack([np.arange(len(i)) * PERIOD, i, speeds + 0.6 * rng.normal(size=len(i))])
@@ -79,3 +79,12 @@ def test_one_start_finds_delay_and_inertia(tmp_path, seed):
     ratio = found["motor.motor.rotor_inertia_kg_m2"] / found["motor.motor.torque_constant_n_m_per_a"]
     assert found["delay_s"] / PERIOD == pytest.approx(DELAY, abs=0.1)
     assert ratio == pytest.approx(J / KT, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [2, 3])
+def test_dry_friction_that_hardly_acts_at_the_first_guess_is_fitted(tmp_path, seed):
+    """The motor hardly moves, and the guess, which knows no sticking, has next to no friction."""
+    log, _ = bench(tmp_path, seed, coulomb=0.03)
+    found = aw.identification.identify_motor(log, fixed={"Kt": KT}, progress=False).estimate
+    assert found["motor.motor.rotor_inertia_kg_m2"] == pytest.approx(J, rel=0.1)
+    assert found["motor.friction.coulomb_positive_n_m"] == pytest.approx(0.03, rel=0.05)

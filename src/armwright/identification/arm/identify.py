@@ -190,7 +190,7 @@ def _checked(
 
     def remarked() -> Estimate:
         directions = sentences(fit, found.rows(), found.base, found.structural)
-        return with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said])
+        return with_remarks(result, found, directions, stream, [*stream.warnings, *said])
 
     estimate = guard.checked("residuals", remarked, estimate)
     if guard.missing:

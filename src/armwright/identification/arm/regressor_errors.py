@@ -8,11 +8,12 @@ out: an error only turns its direction round, which makes no square larger.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.samples import Stream
 from armwright.identification.arm.torque_model import KINDS, TorqueModel
 from armwright.identification.logs.census import Census
@@ -59,20 +60,25 @@ def _white(column: np.ndarray, rate: float) -> float:
     return float(np.sqrt(np.median(power[f > 0.25 * rate]) * rate / 2)) if np.ptp(column) > 0.0 else 0.0
 
 
-def regressor_errors(stream: Stream, model: TorqueModel) -> np.ndarray:
-    """E[δᵀδ] (n, p, p) of a row's errors δ in the columns of each joint, from the excerpts of the stream's runs."""
-    total, rows = np.zeros((model.arm.n, len(model), len(model))), 0
-    smooth = np.array([column.kind == "inertial" or KINDS[column.kind].lack != "coulomb" for column in model.columns])
+def disturbed_samples(stream: Stream, model: TorqueModel) -> Iterator[tuple[Samples, Samples]]:
+    """Samples of the excerpts of the stream's runs, and the same with the noise of their motion once more."""
     count = sum(len(run.census.even) for run in map(stream.log.run, stream.filters))
     settles = max(each.narrow.edge for each in stream.filters.values())
     most = max(ROWS // max(count, 1), 4 * settles)
-    clean = [each.regressor(model) for each in stream.of_excerpts(model, lambda _, rows: rows.middle(most))]
+    clean = list(stream.of_excerpts(model, lambda _, rows: rows.middle(most)))
     noise = {run: MotionNoise.of(stream.log.run(run).census) for run in stream.filters}
     for draw in range(DRAWS):
         rng = np.random.default_rng(draw)
         disturbed = stream.of_excerpts(model, lambda run, rows, rng=rng: noise[run].disturbed(rows.middle(most), rng))
-        for before, after in zip(clean, disturbed, strict=True):
-            errors = (after.regressor(model) - before) * smooth
-            total += np.einsum("tji,tjk->jik", errors, errors)
-            rows += len(errors)
+        yield from zip(clean, disturbed, strict=True)
+
+
+def regressor_errors(stream: Stream, model: TorqueModel) -> np.ndarray:
+    """E[δᵀδ] (n, p, p) of a row's errors δ in the columns of each joint, from the excerpts of the stream's runs."""
+    total, rows = np.zeros((model.arm.n, len(model), len(model))), 0
+    smooth = np.array([column.kind == "inertial" or KINDS[column.kind].lack != "coulomb" for column in model.columns])
+    for before, after in disturbed_samples(stream, model):
+        errors = (after.regressor(model) - before.regressor(model)) * smooth
+        total += np.einsum("tji,tjk->jik", errors, errors)
+        rows += len(errors)
     return total / max(rows, 1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,9 @@ from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut, residual_
 from armwright.identification.arm.gear_loss import LossyModel, doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
-from armwright.identification.arm.score_tests import made_up_for, score_tests, suspicions
+from armwright.identification.arm.regressor_errors import disturbed_samples
+from armwright.identification.arm.samples import Stream
+from armwright.identification.arm.score_tests import gives_way, made_up_for, score_tests, suspicions
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
@@ -199,17 +202,17 @@ def _verdict(fit: ArmFit, identified: int, structural: int) -> Literal["identifi
 
 
 def with_remarks(
-    result: ArmEstimate, found: FittedLog, directions: Sequence[str], cutoff: float, said: Sequence[str]
+    result: ArmEstimate, found: FittedLog, directions: Sequence[str], stream: Stream, said: Sequence[str]
 ) -> Estimate:
     """The estimate of a result with remarks, measures of the joints and a verdict.
 
     Args:
         result: whose `estimate` has neither.   found: the fit.   directions: that the log shows weakly, in words.
-        cutoff: of the low-pass of the first run, in Hz.   said: sentences about the log and its runs held out.
+        stream: of the log.   said: sentences about the log and its runs held out.
     """
     fit, some, comparison = result.fit, next(iter(found.rows())), result.hold_out
     remarks = [*_identifiability(result, found), *directions, *_doubtful_numbers(fit)]
-    remarks += [*_about_joints(result, cutoff, found.stuck), *far_off(fit, some), *_about_record(result)]
+    remarks += [*_about_joints(result, stream.cutoff, found.stuck), *far_off(fit, some), *_about_record(result)]
     driving, impossible = driving_frictions(fit), impossible_parameters(fit, result.record)
     is_free = result.record is not None and not impossible and not driving
     negative = negative_inertias(fit, some, is_free)
@@ -222,8 +225,8 @@ def with_remarks(
         unseen = [*unexplained(_moving(fit), comparison), *comparison.worse]
         measures |= comparison.measures
     verdict = "not identified" if unseen else _verdict(fit, len(found.base), len(found.structural))
-    late = late_torques(fit, some)
-    scores = score_tests(fit, found.rows())
+    scores = score_tests(fit, found.rows(), partial(disturbed_samples, stream, fit.equations.model))
+    late = [] if gives_way(scores) else late_torques(fit, some)
     remarks += [*late, *suspicions(scores, all_late=bool(late))]
     doubts += [*made_up_for(scores), *([] if driving else misread_columns(fit, some)), *impossible]
     remarks += [*loss_remarks(fit, found.unfitted), *SUPPORT.notes(fit.equations.model.arm)]

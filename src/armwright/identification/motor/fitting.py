@@ -72,6 +72,10 @@ def fitted(
 ) -> Fitted:
     """Least squares from the best of several starts, with unidentifiable parameters fixed; no worse than the record itself.
 
+    What the log does not determine at the first guess is fixed there before the search, as it would lead the search astray. A
+    poor guess may say so of a number that the log does determine, as of dry friction where the guess hardly sticks: such a number
+    is freed at the end, and all are searched for again.
+
     Raises:
         ModelError: nothing could be simulated from any start.
     """
@@ -89,15 +93,36 @@ def fitted(
             "the log determines none of the numbers to be fitted", place="free", value=names, expected=expected
         )
     own = _of_record(problem, first)
-    begin = np.concatenate([begin, own, _of_delays(problem, first)])
-    z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, done.kept])
-    if not np.isfinite(cost).any():
-        expected = "another first guess, by fixed=… or a robot's record"
-        what = "nothing could be simulated from any start"
-        raise ModelError(what, place="starts", value=search.starts, expected=expected)
-    done.z[done.kept] = z[int(np.argmin(cost))]
-    done.z[:] = min([done.z.copy(), *own], key=lambda each: _cost(problem, each))  # on all rows
-    return settled(record, data, done, first, free, progress)
+    begin, early = np.concatenate([begin, own, _of_delays(problem, first)]), list(done.held)
+    while True:
+        held, reasons = list(done.held), list(done.reasons)
+        z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), held, first), begin[:, done.kept])
+        if not np.isfinite(cost).any():
+            expected = "another first guess, by fixed=… or a robot's record"
+            what = "nothing could be simulated from any start"
+            raise ModelError(what, place="starts", value=search.starts, expected=expected)
+        done.z[done.kept] = z[int(np.argmin(cost))]
+        done.z[:] = min([done.z.copy(), *own], key=lambda each: _cost(problem, each))  # on all rows
+        done = settled(record, data, done, first, free, progress)
+        determined = _determined(record, data, done, early)
+        if not determined:
+            return done
+        early = [k for k in held if k not in determined]
+        begin = np.concatenate([begin, done.z[None]])
+        done = Fitted(problem, first.copy(), list(early), [each for each in reasons if each[1] not in determined])
+
+
+def _determined(record: RobotDescription, data: Measured, done: Fitted, held: Sequence[int]) -> list[int]:
+    """Those of the held numbers that the log determines at the end of a fit beside all that were fitted."""
+    jacobian, determined, unknowns = done.problem.jacobian(done.z), [], done.problem.unknowns
+    if not np.isfinite(jacobian).all():
+        return []
+    scaled = jacobian * sizes(record, data, done.problem, done.z)
+    for k in held:
+        kept = sorted([*done.kept, *determined, k])
+        if not undetermined(scaled[:, kept], [i for i, each in enumerate(kept) if not unknowns[each].nuisance]):
+            determined.append(k)
+    return determined
 
 
 def _of_record(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
