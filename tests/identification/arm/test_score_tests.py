@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.identification.arm.score_tests import Score, made_up_for, suspicions
+from armwright.identification.arm.mistakes import Score, made_up_for, suspicions
 from identification.arm.logged_machine import Machine, Motion, read, written
 
 T = np.arange(10000) / 500

@@ -18,9 +18,10 @@ from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut, residual_
 from armwright.identification.arm.gear_loss import LossyModel, doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
+from armwright.identification.arm.mistakes import gives_way, made_up_for, suspicions
 from armwright.identification.arm.regressor_errors import disturbed_samples
 from armwright.identification.arm.samples import Stream
-from armwright.identification.arm.score_tests import gives_way, made_up_for, score_tests, suspicions
+from armwright.identification.arm.score_tests import score_tests
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
