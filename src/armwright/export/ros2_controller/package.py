@@ -146,7 +146,7 @@ def controller_parameters(
     """Parameters of the controller manager and its controllers.
 
     Args:
-        rate: [Hz] of updates.   own: type and parameters of further controllers, by name.
+        rate: of updates in Hz.   own: type and parameters of further controllers, by name.
         commanded: parameters of the joint_trajectory_controller: its joints, and what it commands.
     """
     types = {"joint_state_broadcaster": "joint_state_broadcaster/JointStateBroadcaster"}

@@ -287,7 +287,7 @@ def near_standstill(qd: np.ndarray, qdd: np.ndarray, narrow: Preparation, wide: 
     shows, or it turns back within the time 1/(2π f) of the wide one.
 
     Args:
-        qd, qdd: (rows, n) speeds and accelerations behind the wide low-pass.   narrow: of the torques.   wide: cut-off f [Hz].
+        qd, qdd: (rows, n) speeds and accelerations behind the wide low-pass.   narrow: of the torques.   wide: cut-off f in Hz.
     """
     hidden = np.maximum(np.abs(qd - zero_phase(narrow, qd)), np.abs(qdd) / (2 * np.pi * wide))
     return (np.abs(qd) <= hidden).astype(float)
