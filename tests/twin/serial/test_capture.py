@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from armwright.cli.app import app
 from armwright.errors import BusError, RunStopped
 from armwright.twin.serial.arm_servos import ArmServos, ServoFit, ServoSettings
 from armwright.twin.serial.calibration import Calibration
-from armwright.twin.serial.capture import LEAST, Captured, approach, capture, plan_capture
+from armwright.twin.serial.capture import LEAST, Captured, approach, capture, plan_capture, play
 from armwright.twin.serial.client import ServoClient
 from armwright.twin.serial.registers import servo_model
 from armwright.twin.serial.servo_arm import Line, ServoArm
@@ -373,6 +374,16 @@ class Line3:
 
 def sts(data, error=0, number=3):
     return servo_model("sts3215").framing.status(number, error, bytes(data))
+
+
+def test_a_computer_that_stands_still_before_the_first_cycle_ends_the_run(monkeypatch):
+    """As after SIGSTOP, or a lid that was shut."""
+    times = iter([0.0, 3.0])
+    monkeypatch.setattr("armwright.twin.clock.now", lambda: next(times))
+    monkeypatch.setattr("armwright.twin.clock.sleep_until", lambda _: None)
+    servos = SimpleNamespace(silent=np.zeros(2, dtype=bool))
+    with raises_at(BusError, "period"):
+        play(servos, np.array([0.0, 0.02]), None, ServoSettings(), Captured(JOINTS), lambda: False)
 
 
 def test_a_late_answer_is_not_taken_for_that_to_the_next_instruction():
