@@ -251,11 +251,11 @@ def _without_standstill(found: FittedLog, problem: FitProblem, fit: Callable[[Fi
         moving = fit(replace(problem, source=rows, equations=equations))
     except IdentificationError:  # too few rows are left
         return found
-    apart = np.abs(moving.values - found.fit.values) / np.hypot(moving.std, found.fit.std)
+    differences = np.abs(moving.values - found.fit.values) / np.hypot(moving.std, found.fit.std)
     limit, of_dry = (float(norm.isf(FALSE_ALARMS / (4 * count))) for count in (len(base), len(dry)))
-    if apart.max() < limit and apart[dry].max() < of_dry:
+    if differences.max() < limit and differences[dry].max() < of_dry:
         return found
-    return replace(found, rows=rows, fit=moving, stuck=float(apart.max()))
+    return replace(found, rows=rows, fit=moving, stuck=float(differences.max()))
 
 
 def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:

@@ -100,7 +100,7 @@ def _seen(scores: list[Score]) -> list[Score]:
 
 
 def gives_way(scores: list[Score]) -> bool:
-    """Whether the log shows gears that give way, which seem to shift torques in time."""
+    """True if the log shows gears that give way, which seem to shift torques in time."""
     return any(each.mistake in ELASTIC for each in scores)
 
 
