@@ -9,6 +9,7 @@ import threading
 import time
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -381,9 +382,9 @@ def test_a_computer_that_stands_still_before_the_first_cycle_ends_the_run(monkey
     times = iter([0.0, 3.0])
     monkeypatch.setattr("armwright.twin.clock.now", lambda: next(times))
     monkeypatch.setattr("armwright.twin.clock.sleep_until", lambda _: None)
-    servos = SimpleNamespace(silent=np.zeros(2, dtype=bool))
+    servos: Any = SimpleNamespace(silent=np.zeros(2, dtype=bool))
     with raises_at(BusError, "period"):
-        play(servos, np.array([0.0, 0.02]), None, ServoSettings(), Captured(JOINTS), lambda: False)
+        play(servos, np.array([0.0, 0.02]), lambda _, row: row[0], ServoSettings(), Captured(JOINTS), lambda: False)
 
 
 def test_a_late_answer_is_not_taken_for_that_to_the_next_instruction():

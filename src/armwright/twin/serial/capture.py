@@ -297,7 +297,9 @@ def play(
         began = clock.now() - start
         found.late += began - time > LATE / settings.rate
         if began - time > BEHIND and not servos.silent.any():  # else the wait for an answer is the cause
-            what = f"the cycle at {time:g} s{part} began {began - time:.3g} s late; a cycle took {began / max(k, 1):.3g} s"
+            what = (
+                f"the cycle at {time:g} s{part} began {began - time:.3g} s late; a cycle took {began / max(k, 1):.3g} s"
+            )
             raise BusError(
                 what, place="period", value=1.0 / settings.rate, expected="one that frames and adapter fit into"
             )
