@@ -120,3 +120,11 @@ def open_port(path, baud=BAUD):
     attributes[4] = attributes[5] = getattr(termios, f"B{baud}")
     termios.tcsetattr(port, termios.TCSANOW, attributes)
     return port
+
+
+@pytest.fixture
+def hangs_up():
+    """SIGHUP ends processes, as on a terminal, where tests run under nohup too."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)

@@ -421,6 +421,7 @@ def test_a_line_that_is_never_quiet_ends_the_wait():
         ServoClient(Noise(), servo_model("sts3215"), patience=0.002).read(3, "model_number")
 
 
+@pytest.mark.usefixtures("hangs_up")
 def test_the_end_of_a_terminal_stops_a_run_as_ctrl_c_does():
     from armwright.cli.servo_arm import stopping
 

@@ -308,6 +308,7 @@ def test_a_reply_that_no_client_has_room_for_is_not_counted_as_sent():
     assert (found.instructions, found.replies, found.unread) == (3, 2, 1)
 
 
+@pytest.mark.usefixtures("hangs_up")
 def test_the_end_of_its_terminal_ends_a_process_of_servos(serve, tmp_path):
     made = serve("--servo", "sts3215:1").process
     made.send_signal(signal.SIGHUP)
